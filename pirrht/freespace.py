@@ -15,7 +15,7 @@ from pirrht.geometry.arcs import FREE, UNSURE, certify_point
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field, clearances
-from pirrht.geometry.fitting import fitted
+from pirrht.geometry.fitting import fitted, margin_left
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
@@ -122,6 +122,13 @@ class FreeSpace:
     def passages(self) -> Passages:
         """Find the places where obstacles face each other with clearance for the robot between."""
         return find_passages(self.field, self.collision)
+
+    def margin_left(self, x: Array) -> float | None:
+        """Return a margin [m] that leaves a path from a state x (n,) to the goal, 0 for none, where this one does not.
+
+        None: this one does, or a grid cannot tell. Only static obstacles count.
+        """
+        return margin_left(self.scene, self.collision, x[:2])
 
     def clearance(self, position: Array) -> float:
         """Return FCL's clearance of the robot's centre at one position (2,) [m]."""

@@ -138,7 +138,7 @@ def score(
         policy: takes the state x (n,) and returns the control u (m,), held for one period; with `anew` a function
             that takes a seed and makes such a policy, for one with a memory. (Of a wrapped environment: its
             observation, its action.)
-        seeds: one run each, whole numbers from 0 on.
+        seeds: one run each, at least one whole number from 0 on.
         method: its name in tables and reports.
         environment: a wrapped `Drive`; else one of `options` is made.
         into: folder of a sweep (`pirrht sweep -o`) that the runs are added to for `pirrht report`; made if there is
@@ -150,14 +150,17 @@ def score(
     """
     if environment is not None and options:
         raise OptionError(f"{', '.join(options)}: no argument next to an environment, which has its own; leave it out")
+    wanted = list(seeds) if isinstance(seeds, Iterable) else []
+    if not wanted:
+        raise OptionError(f"seeds is {reprlib.repr(seeds)}; give at least one whole number, as in range(10)")
     env = Drive(**options) if environment is None else environment
     drive = env.unwrapped
     assert isinstance(drive, Drive)
     job = replace(drive.job, method=method, noise=drive.scenario.settings.noise, label=Path(drive.job.scene).stem)
     job = replace(job, digest=runs.digest(*job.place))
-    keys = [{**replace(job, seed=SEED.check(seed, "seed")).identity, "plan_seed": 0} for seed in seeds]
+    keys = [{**replace(job, seed=SEED.check(seed, "seed")).identity, "plan_seed": 0} for seed in wanted]
     records: list[dict[str, Any]] = []
-    into_folder = scores.kept(Path(into), replace(job, method="passive"), keys, again) if into and keys else None
+    into_folder = scores.kept(Path(into), replace(job, method="passive"), keys, again) if into else None
     with into_folder or nullcontext(lambda record: None) as keep:
         for key in keys:
             began, step, over = time.perf_counter(), 0, False

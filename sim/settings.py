@@ -14,6 +14,7 @@ import numpy as np
 from pirrht.control.settings import BETWEEN, METHODS, TREELESS
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
+from sim.text import suggestion
 
 DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
 SINGLE = ("plan", "run", "play", "estimate")  # those that take one method, noise and seed
@@ -64,7 +65,9 @@ class Option:
         """The value in its own type; OptionError where the option, in messages `label`, cannot have it."""
         label = label or self.flag
         if self.choices and value not in self.choices:
-            raise OptionError(f"{label} is {value!r}; it must be one of {', '.join(self.choices)}")
+            raise OptionError(
+                f"{label} is {value!r}{suggestion(value, self.choices)}; it must be one of {', '.join(self.choices)}"
+            )
         if self.bounds is None:
             return value
         return self._number(value, label) if self.count is None else [self._number(one, label) for one in value]
@@ -116,8 +119,8 @@ class SceneOptions:
                          "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
-                                  unset="the scene's, or three standard deviations of the noise in 0.01 s, and in "
-                                        "narrow passages less: a quarter of their clearance")
+                                  unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
+                                        "narrow passages")
     start: Sequence[float] | None = stated(None, "start at X Y [m], and TH [rad] of a robot with a heading", "X",
                                            count="+", unset="the scene's")
     goal: Sequence[float] | None = stated(None, "disc around X Y with radius R [m]", ("X", "Y", "R"), count=3,

@@ -69,8 +69,9 @@ def surroundings_of(scene: Scene, frame: Frame, cutoff: float, wavenumber: float
     pitch, rim = min(frame.radius, 1.0 / wavenumber) / 1024.0, wavenumber * frame.radius  # interpolation errs by 1e-7
     e = wavenumber * pitch * np.arange(4.0 + 3.0 * cutoff / pitch)
     around_goal = kve(0, rim + e) / kve(0, rim) * np.exp(-e)
-    static = Mover(name="static", solids=tuple(scene.obstacles), motion=Motion(rows=np.zeros((1, 4))))
-    every = static, *scene.movers
+    still = Motion(rows=np.zeros((1, 4)))
+    static = [Mover(name="static", solids=tuple(scene.obstacles), motion=still)] if scene.obstacles else []
+    every = *static, *scene.movers
     owner = np.repeat(np.arange(len(every)), [len(body.solids) for body in every])
     left, low, right, high = np.concatenate([scene.lower, scene.upper]).astype(float).tolist()
     solids = MovingObstacleArrays.around(scene.footprint, every, cutoff)

@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.grid import TUNING, Frame, cubic, frame_at, in_goal, interpolate
+from pirrht.exact.grid import TUNING, Frame, Progress, Settling, cubic, frame_at, in_goal, interpolate
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
@@ -59,7 +59,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return h
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, *_: object) -> Headings:
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, _: float | None, progress: Progress) -> Headings:
     """Solve for log psi of a car at a spacing [m]; OptionError if sweeps do not settle."""
     d, scene = problem.dynamics, space.scene
     assert isinstance(d, Unicycle)
@@ -73,10 +73,12 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, *_: object) -> H
     value, blocked = np.where(rays.ended == 0.0, 0.0, ceiling), rays.ended[:, :, 0] < 0.0
     i, j = distance_transform_edt(blocked, return_distances=False, return_indices=True)[:, blocked]
     whole, half = (_taps(d.b * math.sqrt(s), tau, shape[2]) for s in (tau, 0.5 * tau))
+    settling = Settling(progress, TUNING.car_settled)
     for done in range(TUNING.car_sweeps):
-        settled = _sweep(value, value, rays, whole, done % 4) < TUNING.car_settled
+        change = _sweep(value, value, rays, whole, done % 4)
+        settling.note(change)
         value[blocked] = value[i, j]  # walls repeat what is next to them
-        if settled:
+        if change < TUNING.car_settled:
             out = value.copy()
             _sweep(value, out, rays, half, 0)
             out[blocked] = out[i, j]

@@ -95,7 +95,7 @@ class Desirability:
             space: of the same scene.
             spacing: of the grid [m]; None: fine enough for v to 0.5 % and u to 2 %.
             dt: step of the discrete-time problem [s]; None: continuous time.
-            progress: called with the share that is done among moving obstacles, anew for every period that is tried.
+            progress: called with the share that is done, anew for every period of repeated motions.
 
         Raises:
             OptionError: no grid of this package solves the problem, or it needs too fine a grid.

@@ -16,7 +16,7 @@ from scipy.ndimage import correlate1d
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact import grid as grids
-from pirrht.exact.grid import TUNING, Domain, Equation, Frame, cubic, in_goal
+from pirrht.exact.grid import TUNING, Domain, Equation, Frame, Progress, Settling, cubic, in_goal
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.blocks import lattice
 from pirrht.jit.jit import inlined, kernel
@@ -113,7 +113,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return grids.affordable(space.scene, default if spacing is None else spacing, reason, ", a longer step dt")
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, *_: object) -> Lattice:
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress) -> Lattice:
     """Solve for log phi with steps of dt [s] and a spacing [m]; OptionError if it does not settle."""
     assert dt is not None
     equation, domain = Equation.of(problem), Domain.of(space)
@@ -127,12 +127,15 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     taps = [taps_along(n, 0.0, spacing, -math.inf, math.inf, step) for n in size]
     now, before, floor = np.full(free.shape, -np.inf), np.full(free.shape, -np.inf), np.full(free.shape, -np.inf)
     np.log(np.abs(known), out=floor, where=known != 0.0)
+    settling = Settling(progress, EVERY * TUNING.discrete_settled)
     for done in range(1, TUNING.discrete_steps + 1):
         top = np.maximum(np.maximum(now, floor), -1e300)  # finite, so that differences from it are numbers
         weight = free * np.exp(now - top) + np.sign(known) * np.exp(floor - top)
         now = smooth(top, weight, taps[0], taps[1], equation.rate * dt)
         if done % EVERY == 0:
-            if grids.largest_change(now, before) < EVERY * TUNING.discrete_settled:
+            change = grids.largest_change(now, before)
+            settling.note(change)
+            if change < EVERY * TUNING.discrete_settled:
                 return Lattice(grids.frame_at(corner, spacing, domain.goal), now[:, :, None])
             before = now
     raise OptionError(f"the solution has not settled after {TUNING.discrete_steps} rounds; choose a longer dt")

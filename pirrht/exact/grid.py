@@ -174,6 +174,22 @@ def ignore_progress(share: float) -> None:
     """Ignore progress."""
 
 
+class Settling:
+    """Reports rounds until changes are small: how far they have fallen towards the least change, on a log scale."""
+
+    def __init__(self, progress: Progress, least: float) -> None:
+        self._progress, self._least = progress, least
+        self._first = self._share = 0.0  # greatest change and share so far
+
+    def note(self, change: float) -> None:
+        """Take note of the change by a round; infinite: nothing is known yet."""
+        if self._least < change < math.inf:
+            self._first = max(self._first, change)
+            fallen = math.log(self._first / change) / math.log(self._first / self._least)
+            self._share = max(self._share, fallen)
+        self._progress(self._share)
+
+
 @inlined
 def cubic(t):  # type: ignore[no-untyped-def]
     """Values at t [spacings] of cubic polynomials, each 1 at one of -1, 0, 1 and 2 and 0 at the others."""

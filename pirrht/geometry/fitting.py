@@ -6,12 +6,13 @@ then the maximum of two 1-Lipschitz functions, so every certificate that rests o
 of the minimum of the clearance with the smaller radius and the distance to the rim of that disc.
 """
 
+import math
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.errors import SceneError
 from pirrht.geometry.blocks import lattice
 from pirrht.geometry.collision import SHORTEST, Collision
@@ -114,6 +115,37 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     centers, away = places[inside], np.rint((goal.radius - to_rim[inside]) / cell)
     center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
+
+
+def margin_left(scene: Scene, collision: Collision, start: Array) -> float | None:
+    """Return a margin [m] that leaves a path from a point (2,) [m] to the goal, 0 for none, where this one does not.
+
+    None: this one does, or a grid cannot tell. Only static obstacles count.
+    """
+    from scipy.ndimage import label
+
+    span = (scene.upper - scene.lower).astype(float)
+    spacing = math.sqrt(float(np.prod(span)) / TUNING.path_points)
+    shape = tuple(np.ceil(span / spacing).astype(int))
+    points = (scene.lower + spacing * lattice(*shape)).reshape(-1, 2)
+    begin = np.hypot(*(points - start).T) <= spacing
+    goal = np.hypot(*(points - scene.goal.center).T) <= max(scene.goal.radius, spacing)
+
+    def leads(passable: BoolArray) -> bool:
+        pieces = label(passable.reshape(shape))[0].ravel()
+        return bool(np.intersect1d(pieces[begin], pieces[goal]).any())  # piece 0 is blocked
+
+    if leads(collision.clearance(points) > -spacing):
+        return None
+    free = collision.true_distance(points) - scene.body.radius - spacing  # between the points as well
+    lowest, highest = 0.0, scene.margin
+    for _ in range(TUNING.path_halvings):
+        middle = 0.5 * (lowest + highest)
+        if leads(free > middle):
+            lowest = middle
+        else:
+            highest = middle
+    return lowest
 
 
 def waived_along(scene: Scene, line: Array) -> float:

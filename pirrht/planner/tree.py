@@ -4,9 +4,11 @@ Comments give the paper's lines. Draws of which nothing is doubtful run through 
 `expand.grow`. Costs that a new vertex changes are relaxed by `rewire.relax`.
 """
 
+import reprlib
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from importlib import import_module
+from numbers import Integral
 from typing import Any, cast
 
 import numpy as np
@@ -99,8 +101,10 @@ class HomologyTree:
 
         Passages are drawn first, and again until they are vertices; at least every second draw is uniform. `progress`
         is called with the number of vertices after every batch of draws, `enough` after every few; true: it grows no
-        more.
+        more. OptionError: the number is negative or not whole.
         """
+        if not (isinstance(vertices, Integral) and vertices >= 0):
+            raise OptionError(f"vertices is {reprlib.repr(vertices)}; it must be a whole number of 0 or more")
         budget = self.tuning.draws_per_vertex * max(0, vertices - self.size)
         most = budget if enough is None else self.tuning.draws_in_time
         while self.size < vertices and budget > 0:  # line 2

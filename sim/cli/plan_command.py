@@ -16,6 +16,7 @@ from tqdm import tqdm
 from pirrht.arrays import Array
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.scene import ROUNDING
 from pirrht.jit import cache
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
@@ -244,7 +245,21 @@ def state_of(at: list[float], scenario: Scenario) -> Array:
     if len(at) <= len(place):
         x = scenario.problem.dynamics.state_of(np.array([*at, 0.0]))
     if scenario.space.clearance(x) <= 0.0:
-        raise SceneError(f"--at {where}: this state is in collision or outside the workspace; choose another")
+        raise SceneError(f"--at {where}: {why_covered(x, scenario)}; choose another state")
     if scenario.loaded.scene.goal.contains(x[:2]):
         raise SceneError(f"--at {where}: this state is already in the goal; choose another")
     return x
+
+
+def why_covered(x: Array, scenario: Scenario) -> str:
+    """Return why the robot may not be at a state (n,): the border, an obstacle, or the margin around one."""
+    scene, collision, place = scenario.space.scene, scenario.space.collision, x[None, :2]
+    if not scene.world.contains(x[:2]):
+        (left, low), (right, high) = scene.lower, scene.upper
+        return f"this state is outside the workspace, x {left:g} to {right:g} and y {low:g} to {high:g}"
+    nearest = collision.nearest_walls(place, range(len(scene.obstacles)), scene.robot_radius).which[0]
+    obstacle, distance = scene.obstacles[nearest].name, float(collision.true_distance(place)[0])
+    if distance < scene.body.radius + ROUNDING:
+        return f'the robot collides with obstacle "{obstacle}" there'
+    free = f"{distance - scene.body.radius:.3g} m from obstacle"
+    return f'the robot is {free} "{obstacle}" there, and plans keep a margin of {scene.margin:.3g} m'

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array, IntArray
@@ -29,6 +30,7 @@ CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
 TURN = 0.15  # of an obstacle from one ring of its tube to the next at most [rad]
 ROUND = 64  # corners of what is round, seen from above
 MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
+BUNDLE, SMOOTH = 5.0, 9  # widths of strokes that many coinciding ones share; points over which shifts change
 JUMP = 1e-6  # time over which an obstacle that starts over jumps [s]
 
 
@@ -51,6 +53,21 @@ def even(points: Array, count: int) -> Array:
     """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
     along = lengths(points)
     return interpolated(points, along, np.linspace(0.0, along[-1], count))
+
+
+def side_by_side(lines: Sequence[Array], width: float) -> list[Array]:
+    """Move polylines (k, 2) [m] sideways where they coincide, so that strokes of a width [m] all show."""
+    fine = [even(line, 2 + int(2.0 * lengths(line)[-1] / width)) for line in lines]
+    trees, moved = [KDTree(line) for line in fine], list[Array]()
+    for place, line in enumerate(fine):
+        near = np.array([tree.query(line, distance_upper_bound=width)[0] < width for tree in trees])
+        count = near.sum(axis=0)
+        lane = (near[:place].sum(axis=0) - 0.5 * (count - 1)) * np.minimum(1.0, BUNDLE / count)
+        along = np.gradient(line, axis=0)
+        normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+        shift = uniform_filter1d(lane[:, None] * normal, SMOOTH, axis=0, mode="nearest")
+        moved.append(line + width * shift)
+    return moved
 
 
 def knots_of(reference: Reference) -> Array | None:

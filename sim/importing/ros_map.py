@@ -24,6 +24,7 @@ from sim import extras
 from sim.files import why_unreadable
 from sim.importing.solids import Solid, World, transform
 from sim.mjcf.library import FARTHEST, MOST_PIXELS, content_of, refused
+from sim.text import suggestion
 
 UNKNOWN = ("occupied", "free")
 MODES = ("trinary", "scale", "raw")
@@ -44,7 +45,8 @@ def read_map(path: Path, unknown: str = "occupied") -> World:
     Its own border is the ground's, if it is not turned.
     """
     if unknown not in UNKNOWN:
-        raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
+        like = suggestion(unknown, UNKNOWN)
+        raise OptionError(f"--unknown is {unknown!r}{like}; it must be one of {', '.join(UNKNOWN)}")
     known, notes = _values(path), list[str]()
     occupied_above, free_below, mode = known["occupied_thresh"], known["free_thresh"], known["mode"]
     if not 0 <= free_below <= occupied_above <= 1:

@@ -1,16 +1,18 @@
 """What importers read: solids in the world, the ground, and notes and options for a scene made of them."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 
 FLAT = 1e-3  # least thickness of a part of a mesh [m]
 LOWEST = 0.01  # robots drive over what is no higher, like carpets and floors [m]
+HIGHEST_FLOOR = 0.5  # of what lies under start and goal [m]
 LOW = f"no higher than {LOWEST:g} m, so driven over and left out: "
 
 
@@ -49,9 +51,44 @@ def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
 
 def is_low(solid: Solid) -> bool:
     """Return whether a solid ends a little above the ground, so that robots drive over it."""
-    up, vertices = solid.pose[2, :3], solid.vertices
-    reach = np.abs(up) @ solid.size if solid.shape == "box" else np.inf
-    return bool(0 < solid.pose[2, 3] + (reach if vertices is None else (vertices @ up).max()) <= LOWEST)
+    return 0 < top_of(solid) <= LOWEST
+
+
+def top_of(solid: Solid) -> float:
+    """Return how high a box or mesh ends [m]; infinite of other shapes."""
+    corners = corners_of(solid)
+    return float(corners[:, 2].max()) if len(corners) else np.inf
+
+
+def corners_of(solid: Solid) -> Array:
+    """Return the corners of a box or mesh in the world, (v, 3) [m]; none of other shapes."""
+    own = np.empty((0, 3)) if solid.vertices is None else solid.vertices
+    if solid.shape == "box":
+        own = solid.size * np.array([*product((-1.0, 1.0), repeat=3)])
+    return own @ solid.pose[:3, :3].T + solid.pose[:3, 3]
+
+
+def raised_floor(world: World, ends: Sequence[Sequence[float] | None]) -> str:
+    """Report a floor above the ground by its name and height; empty without one.
+
+    It is what all `ends` of a task, x and y first [m], have under them at one height.
+    """
+    floors = [one for one in world.solids if LOWEST < top_of(one) <= HIGHEST_FLOOR]
+    under = [{round(top_of(one), 4): one.name for one in floors if _covers(one, end[:2])} for end in ends if end]
+    tops = set.intersection(*map(set, under)) if under else set()
+    if not tops:
+        return ""
+    top = max(tops)
+    return (
+        f'"{under[0][top]}" lies under start and goal and ends {top:g} m above the ground, so that it is an obstacle; '
+        f"if it is a floor, lower the {world.kind} by {top:g} m"
+    )
+
+
+def _covers(solid: Solid, place: Sequence[float]) -> bool:
+    """Return whether a box or mesh lies under or over a place, x and y [m]."""
+    planes = ConvexHull(corners_of(solid)[:, :2]).equations
+    return bool(np.all(planes[:, :2] @ np.array(place) + planes[:, 2] <= 0.0))
 
 
 def as_box(corners: Array) -> tuple[Array, Array] | None:

@@ -11,7 +11,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from difflib import get_close_matches
 from functools import lru_cache
 from html import unescape
 from itertools import chain, product
@@ -26,6 +25,7 @@ from pirrht.arrays import Array
 from pirrht.errors import PirrhtError, SceneError, printable
 from pirrht.geometry.tuning import TUNING
 from sim.files import MISSING, why_unreadable
+from sim.text import suggestion
 
 FARTHEST = TUNING.farthest  # of any coordinate or measure [m] and angle [rad]
 FINEST = 1e-6  # of any measure of an imported file [m]
@@ -75,9 +75,8 @@ def find(kind: str, which: str | Path) -> Path:
         return models_folder() / (kind + "s") / f"{which}.xml"
     path = Path(which)
     if why_unreadable(path) == MISSING:
-        close = get_close_matches(str(which), names, 1)
-        meant, what = f"did you mean {close[0]}? Else " if close else "", "file" if path.suffix else kind
-        raise SceneError(f"{path}: no such {what}; {meant}give the path of an MJCF file or one of {', '.join(names)}")
+        what = f"{'file' if path.suffix else kind}{suggestion(which, names)}"
+        raise SceneError(f"{path}: no such {what}; give the path of an MJCF file or one of {', '.join(names)}")
     return path
 
 

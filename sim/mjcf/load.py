@@ -20,6 +20,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.obstacle import Motion
 from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf import obstacles
 from sim.mjcf.coordinates import Stance
@@ -30,7 +31,7 @@ from sim.mjcf.robot import Robot, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
 from sim.systems import POSE
-from sim.text import counted
+from sim.text import counted, suggestion
 
 _FROM_ROBOT = (
     *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
@@ -87,17 +88,11 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     task, path = SceneOptions(**options), find("scene", scene)
     spec, faults = parse(path), Faults()
     with prefixed(f"{path}: "):
-        notes = [leave_out(spec, task.without)] if task.without else []
-        motions = obstacles.read_motions(spec)
-        if task.freeze:
-            notes.append(freeze(spec, motions, path))
-        if loose:
-            loosen(spec)
+        motions, notes = _edited(spec, task, path, loose=loose)
         about, meant, defaults = faults.of(_custom, spec) or ("", DEFAULT, {})
     radius = defaults.get("radius") if task.radius is None else task.radius
     margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
     robot = read_robot(task.robot or meant, radius, task.system, margin=margin)
-    states = robot.system.states
     with prefixed(f"{path}: "):
         model = _join(spec, robot, path)
         data = mujoco.MjData(model)
@@ -119,29 +114,32 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
             obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
             robot_height=robot.height, margin=max(robot.radius - robot.reach, 0.0), defaults=defaults,
         )  # fmt: skip
-        clearance, body = obstacles.clearance_at_start(values)
-        if clearance <= 0.0:
-            if (left := margin + clearance) > 0.0:
-                return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
-            elsewhere = 'move site "start"' if task.start is None else "choose another --start"
-            raise SceneError(
-                f'at the start ({start[0]:g}, {start[1]:g}) the robot touches body "{body}" (by {-clearance:.3g} m), '
-                f"and it moves: {elsewhere}, or write another first row of its motion"
-            )
+        if (left := _margin_left(values, margin, task)) is not None:
+            return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
         mask = np.isin(np.arange(model.ngeom), [*solids])
         model.geom_contype[~(mask | mine)] = model.geom_conaffinity[~(mask | mine)] = 0  # the robot touches these alone
         model.geom_margin[:] = model.geom_gap[:] = 0  # which the planner does not know
-        model.key_qpos[0] = robot.rest
-        place = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
-        Stance(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
-        model.key_qpos[0] = data.qpos
+        _place(model, data, robot, start)
         _check_start(model, data, mask, concave, task)
     return Loaded(
         scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
-        dynamics_name=robot.system.name, states=states, command=robot.command, robot=robot.name, margin=margin,
+        dynamics_name=robot.system.name, states=robot.system.states, command=robot.command, robot=robot.name,
         meant=read_robot(meant, None).system.name if task.robot or task.system is not None else robot.system.name,
-        notes=tuple(note for note in notes if note), unfit=robot.unfit,
+        notes=tuple(note for note in notes if note), unfit=robot.unfit, margin=margin,
     )  # fmt: skip
+
+
+def _edited(
+    spec: mujoco.MjSpec, task: SceneOptions, path: Path, *, loose: bool
+) -> tuple[dict[str, Motion], list[str]]:  # fmt: skip
+    """Leave out, weld or loosen bodies of a spec; return its motions by body, and notes."""
+    notes = [leave_out(spec, task.without)] if task.without else []
+    motions = obstacles.read_motions(spec)
+    if task.freeze:
+        notes.append(freeze(spec, motions, path))
+    if loose:
+        loosen(spec)
+    return motions, notes
 
 
 def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
@@ -162,6 +160,29 @@ def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     return compile_spec(spec, path)
 
 
+def _margin_left(scene: Scene, margin: float, task: SceneOptions) -> float | None:
+    """Return what a moving obstacle leaves of a margin at the start [m]; None: all. SceneError: they collide."""
+    clearance, body = obstacles.clearance_at_start(scene)
+    if clearance > 0.0:
+        return None
+    if (left := margin + clearance) > 0.0:
+        return left
+    elsewhere = 'move site "start"' if task.start is None else "choose another --start"
+    raise SceneError(
+        f'at the start ({scene.start[0]:g}, {scene.start[1]:g}) the robot touches body "{body}" (by {-clearance:.3g} '
+        f"m), and it moves: {elsewhere}, or write another first row of its motion"
+    )
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Array) -> None:
+    """Make the keyframe in which the robot is at rest at a start (3,) [m, m, rad]."""
+    states = robot.system.states
+    model.key_qpos[0] = robot.rest
+    place = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
+    Stance(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
+    model.key_qpos[0] = data.qpos
+
+
 def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
     if model.nu != own:
         names = [model.actuator(i).name for i in range(model.nactuator)]
@@ -180,10 +201,11 @@ def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
         for name in elements:
             if name.startswith("pirrht_") and name not in known:
                 these = f"{', '.join(known)}, and {MOTION}BODY is the motion of a body"
-                raise SceneError(f'custom {kind} "{name}" is no option; those are {these}')
+                raise SceneError(f'custom {kind} "{name}" is no option{suggestion(name, known)}; those are {these}')
     about, robot = (" ".join(str(texts[n].data).split()) if n in texts else "" for n in (ABOUT, "pirrht_robot"))
     if (robot or DEFAULT) not in robot_names():
-        raise SceneError(f'custom text "pirrht_robot" is "{robot}"; write one of {", ".join(robot_names())}')
+        like = suggestion(robot, robot_names())
+        raise SceneError(f'custom text "pirrht_robot" is "{robot}"{like}; write one of {", ".join(robot_names())}')
     defaults = {}
     for name in (name for name in numerics if name in options):
         label, values = f'custom numeric "{name}"', list(numerics[name].data)

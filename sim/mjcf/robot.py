@@ -55,18 +55,8 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     path = find("robot", which)
     spec = parse(path)
     with prefixed(f"{path}: "):
-        body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
-        foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
-        if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
-            lacking = 'body "robot" in its worldbody' if body is None else 'sphere geom "footprint" in its body "robot"'
-            form = 'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear'
-            raise SceneError(f"this file has no {lacking}; add it: {form}")
-        called = next((str(text.data) for text in spec.texts if text.name == "pirrht_dynamics"), None)
-        if system is None and called not in names():
-            found, wanted = f'"{called}"', " or ".join(f'"{known}"' for known in names())
-            must = f"{'missing' if called is None else found}; write {wanted}, or choose a system with --system"
-            raise SceneError(f'custom text "pirrht_dynamics" is {must}')
-        moved = named(str(called)) if system is None else system
+        body, foot = _body_and_footprint(spec)
+        moved = _declared_system(spec) if system is None else system
         if radius is not None:
             _resize(spec, body, foot, radius)
         if margin > 0.0:
@@ -82,6 +72,27 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
             radius=float(model.geom("footprint").size[0]), height=float(model.geom("footprint").pos[2]),
             rolling=rolls(model), unfit=unfit and f"{path}: {unfit}",
         )  # fmt: skip
+
+
+def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.MjsGeom]:
+    """Return the body `robot` of a file and the sphere geom `footprint` in it; SceneError: one of them is not there."""
+    body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
+    foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
+    if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
+        lacking = 'body "robot" in its worldbody' if body is None else 'sphere geom "footprint" in its body "robot"'
+        form = 'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear'
+        raise SceneError(f"this file has no {lacking}; add it: {form}")
+    return body, foot
+
+
+def _declared_system(spec: mujoco.MjSpec) -> System:
+    """Return the system that a file names; SceneError: it names none that is known."""
+    called = next((str(text.data) for text in spec.texts if text.name == "pirrht_dynamics"), None)
+    if called not in names():
+        wanted = " or ".join(f'"{known}"' for known in names())
+        found = "missing" if called is None else f'"{called}"'
+        raise SceneError(f'custom text "pirrht_dynamics" is {found}; write {wanted}, or choose a system with --system')
+    return named(called)
 
 
 def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) -> tuple[Array, Array]:
@@ -138,34 +149,46 @@ def _check_joints(model: mujoco.MjModel, system: System) -> str:
 
     Returns why they are not those of the states of a system; nothing if they are.
     """
-    root, count, wheeled = model.body("robot"), len(system.joints), rolls(model)
-    has = 3 if wheeled else model.nq
-    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][:has]
-    jointed = has in (2, 3) and list(model.jnt_type) == types and not np.any(model.qpos0)
-    ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
-    plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
-    hinged = model.jnt_type[model.actuator_trnid[:, 0]] == _JOINT.mjJNT_HINGE
+    root = model.body("robot")
+    if not (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0])):
+        raise SceneError('body "robot" must stand at the origin')
+    turns = "heading" in system.joints
+    if rolls(model):
+        _check_wheels(model)
+        no = f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'
+        return "" if turns else no
     joints = (
         f'body "robot" must have these joints, without ref, for the states ({", ".join(system.states)}) of '
         f"{system.name}: slide along x, slide along y"
-        + (", hinge about z; or a free joint and wheels" if count == 3 else "")
+        + (", hinge about z; or a free joint and wheels" if turns else "")
     )
-    for good, wanted in (
-        (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0]), 'body "robot" must stand at the origin'),
-        (wheeled or (jointed and np.allclose(model.jnt_axis, np.eye(3)[:has]) and not np.any(model.jnt_pos[:, :2])),
-         joints),
-        (not wheeled or int(model.jnt_bodyid[0]) == root.id, 'body "robot" must have the free joint itself'),
-        (not wheeled or (plane and not (model.geom_contype[ground] or model.geom_conaffinity[ground])),
-         f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
-         "which wheels meet in contact pairs"),
-        (not wheeled or np.all((model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & hinged),
-         "every actuator of a robot on wheels must drive a hinge joint"),
-    ):  # fmt: skip
-        if not good:
-            raise SceneError(wanted)
-    if wheeled and count != has:
-        return f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'
-    return "" if count == has else joints
+    if not _slides(model):
+        raise SceneError(joints)
+    return "" if model.nq == len(system.joints) else joints
+
+
+def _slides(model: mujoco.MjModel) -> bool:
+    """Return whether a robot slides along x and y, perhaps turns about z at its origin, and has no other joint."""
+    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][: model.nq]
+    if model.nq < 2 or list(model.jnt_type) != types or np.any(model.qpos0):
+        return False
+    return np.allclose(model.jnt_axis, np.eye(3)[: model.nq]) and not np.any(model.jnt_pos[:, :2])
+
+
+def _check_wheels(model: mujoco.MjModel) -> None:
+    """Refuse a robot on wheels whose free joint, ground or actuators are not as they must be."""
+    if int(model.jnt_bodyid[0]) != model.body("robot").id:
+        raise SceneError('body "robot" must have the free joint itself')
+    ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
+    plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
+    if not plane or model.geom_contype[ground] or model.geom_conaffinity[ground]:
+        raise SceneError(
+            f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
+            "which wheels meet in contact pairs"
+        )
+    hinged = model.jnt_type[model.actuator_trnid[:, 0]] == _JOINT.mjJNT_HINGE
+    if not np.all((model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & hinged):
+        raise SceneError("every actuator of a robot on wheels must drive a hinge joint")
 
 
 def _rest(model: mujoco.MjModel) -> Array:

@@ -20,6 +20,7 @@ from pirrht.geometry.shapes import Solids, distances
 from pirrht.outcome import Outcome
 from pirrht.topology.signature import class_id
 from sim.drawing.colors import sides, title, worded
+from sim.drive.metrics import why_blocked
 
 TRACED = 48  # samples whose ends are examined
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
@@ -150,7 +151,7 @@ def page(plan: Plan, reasons: Sequence[Reason], time: float) -> str:
     if estimate is None:
         why = "the exact solution is followed" if plan.exact is not None else "no samples"
         if plan.fallback is not None:
-            why = f"blocked, {plan.fallback}: {'braking' if plan.stops else 'the longest free path is taken'}"
+            why = f"blocked, {why_blocked(plan)}"
         value = "" if plan.exact is None else f" Exact value {plan.exact:.2f}."
         return f"**At {time:.2f} s: {why}.**{value}"
     value = f"{estimate.value:.2f} ± {estimate.value_error:.2f}"

@@ -253,9 +253,13 @@ class Plots:
             for name in [*(row.ids[:CHEAPEST] if not names else ()), *heavy]:
                 if name not in names and len(names) < LINES:
                     names.append(name)
-        if names == self._names:
-            return names
-        self._names = names
+        if names != self._names:
+            self._names = names
+            self._style_classes(names)
+        return names
+
+    def _style_classes(self, names: Sequence[str]) -> None:
+        """Give the lines of classes their names, colours and widths in every plot."""
         # The viewer requires equal numbers of lines at all times; those of equal name share a place in its legend.
         every = [OTHER, *names, *[OTHER] * (LINES - len(names))]
         titles = [OTHER if name == OTHER else f"class {title(name)}" for name in every]
@@ -268,7 +272,6 @@ class Plots:
         names_of_value = [titles[0], BAND, BAND, *titles[1:], *self._exact]
         colors = [colors[0], PLAIN, PLAIN, *colors[1:], *(OPTIMUM for _ in self._exact)]
         self._style("value", names_of_value, colors, [2.5, 0.8, 0.8, *widths[1:], *(1.2 for _ in self._exact)])
-        return names
 
     def _style(self, path: str, names: Sequence[str], colors: Sequence[Color], widths: Sequence[float]) -> None:
         self._stream.static(f"/why/{path}", rr.SeriesLines(names=names, colors=colors, widths=widths))

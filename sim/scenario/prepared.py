@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from sim.scenario.risk import RiskSearch
 from sim.scenario.scenario import Scenario
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
 from sim.systems import chosen, named, refuse
+from sim.text import suggestion
 
 AMONG = 0.8  # H_limit among moving obstacles, if not given: waiting for one winds about it meanwhile
 REACTION = 0.01  # how long feedback takes to answer noise [s]
@@ -49,9 +49,9 @@ def prepare(
     """
     given = {**(given or {}), **options}
     for name in given.keys() - {*BY_SCENE, *BY_SETTING}:
-        like = get_close_matches(name, [*BY_SCENE, *BY_SETTING], n=1)
-        fit = f"did you mean {like[0]}" if like else f"those are {', '.join(sorted([*BY_SCENE, *BY_SETTING]))}"
-        raise OptionError(f"prepare: {name!r} is no option; {fit}")
+        known = sorted([*BY_SCENE, *BY_SETTING])
+        fit = suggestion(name, known) or f"; those are {', '.join(known)}"
+        raise OptionError(f"prepare: {name!r} is no option{fit}")
     task = SceneOptions(**{name: given.get(name) for name in BY_SCENE})
     system = None if task.system is None else chosen(task.system)
     read = partial(load, scene, loose=loose, **{name: getattr(task, name) for name in BY_SCENE} | {"system": system})

@@ -29,7 +29,7 @@ from sim.sweeps import engine, runs
 from sim.sweeps.dataset import TREES, Dataset
 from sim.sweeps.parts import key_of
 from sim.sweeps.runs import Frozen, Job, Task, frozen
-from sim.text import counted
+from sim.text import counted, suggestion
 
 MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
 Record = dict[str, Any]
@@ -93,7 +93,7 @@ def parse(words: Mapping[str, Any]) -> Grid:
     names = tuple(name.strip() for name in words["methods"].split(","))
     for name in names:
         if name not in METHODS:
-            raise OptionError(f"--methods names {name!r}; known are {', '.join(METHODS)}")
+            raise OptionError(f"--methods names {name!r}{suggestion(name, METHODS)}; known are {', '.join(METHODS)}")
     refuse_unused(given, names)
     noises: list[float | None] = []
     for part in [] if words["noise"] is None else words["noise"].split(","):

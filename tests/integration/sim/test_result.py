@@ -98,6 +98,15 @@ def test_a_run_reports_how_many_of_its_plans_are_guesses(tmp_path, capsys):
     assert "effective samples" not in capsys.readouterr().out
 
 
+def test_a_run_without_surviving_samples_does_not_blame_its_paths(capsys):
+    words = "run slit --method mppi --noise 8 --samples 2 --horizon 1 --period 0.002 --max-time 0.004"
+    assert main(words.split()) == 1
+    said = capsys.readouterr()
+    assert "blocked at 0.00 s: no sample survived; the last controls go on" in said.out + said.err
+    assert "no sample survived for most of the time: try more --samples or less --noise" in said.out
+    assert "no path" not in said.out + said.err
+
+
 @pytest.mark.parametrize("stays", [False, True])
 def test_the_robot_waits_for_who_stands_in_the_door_as_far_as_it_can_see(tmp_path, capsys, stays):
     file, result = door(tmp_path, stays=stays), tmp_path / "run.json"
