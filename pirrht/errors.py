@@ -43,7 +43,11 @@ class NoReference(PirrhtError):
         self, state: Sequence[float], *, vertices: int, limit: float, blocked: Sequence[float] | None = None,
         hasty: bool = False,
     ) -> None:  # fmt: skip
-        self.state, self.vertices, self.limit, self.hasty = tuple(map(float, state)), vertices, limit, hasty
+        self.state = tuple(map(float, state))
+        self.vertices = vertices
+        self.limit = limit
+        self.hasty = hasty
+
         self.blocked = None if blocked is None else tuple(map(float, blocked))
         where = ", ".join(f"{s:.3g}" for s in self.state)
         signature = "" if self.blocked is None else ", ".join(f"{h:.3g}" for h in self.blocked)
