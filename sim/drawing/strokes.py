@@ -134,7 +134,8 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
     edge = graph.parent[vertex, slot]
     head = graph.head[edge]
     ends = np.empty((len(vertex), 2, 3))
-    ends[:, 0, :2], ends[:, 1, :2] = tree.states[vertex, :2], tree.states[head, :2]
+    ends[:, 0, :2] = tree.states[vertex, :2]
+    ends[:, 1, :2] = tree.states[head, :2]
     used = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
     turns = np.sum(graph.turn[vertex, slot] * (used & (graph.marker[vertex, slot] == obstacle)), axis=1, dtype=float)
     added = np.zeros(len(graph.tail))  # by prepending each edge [turns]
@@ -160,7 +161,9 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
     (POINTS, 2) [m]; if it touches something, the sample nearest to it.
     """
     paths, found = estimate.rollouts.paths, {}
-    arrived, share = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0), np.linspace(0.0, 1.0, POINTS)
+    arrived = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0)
+    share = np.linspace(0.0, 1.0, POINTS)
+
     for key, name in names.items():
         group = np.flatnonzero(arrived & (paths.key == key))
         group = group[np.argsort(-estimate.weight[group], kind="stable")[:MOST]]
@@ -184,10 +187,8 @@ def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
 def outline(obstacle: Obstacle) -> Array:
     """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
     size, up = obstacle.size, np.array([0.0, 0.0, obstacle.size[1]])
-    angle, latitude = (
-        np.linspace(0, 2 * np.pi, ROUND, endpoint=False),
-        np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1),
-    )
+    angle = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1)
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
     ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
     points = {
