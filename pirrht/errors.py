@@ -44,8 +44,12 @@ class NoReference(PirrhtError):
         self, state: Sequence[float], *, vertices: int, limit: float, blocked: Sequence[float] | None = None,
         hasty: bool = False, margin: float = 0.0, left: float | None = None,
     ) -> None:  # fmt: skip
-        self.state, self.vertices, self.limit, self.hasty = tuple(map(float, state)), vertices, limit, hasty
-        self.margin, self.left = margin, left
+        self.state = tuple(map(float, state))
+        self.vertices = vertices
+        self.limit = limit
+        self.hasty = hasty
+        self.margin = margin
+        self.left = left
         self.blocked = None if blocked is None else tuple(map(float, blocked))
         where = ", ".join(f"{s:.3g}" for s in self.state)
         signature = "" if self.blocked is None else ", ".join(f"{h:.3g}" for h in self.blocked)

@@ -73,7 +73,9 @@ class FreeSpace:
             field = build_field(collision, sorted(i for part in parts for i in part.members))
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
-        homology, moving = homology.with_moving(scene.movers, scene.footprint), moving_of(scene)
+        homology = homology.with_moving(scene.movers, scene.footprint)
+        moving = moving_of(scene)
+
         return cls(scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology, moving=moving)
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
@@ -110,7 +112,10 @@ class FreeSpace:
 
     def segments_free(self, points: Array) -> bool:
         """Return whether the line through points (k, 2) [m] is free; FCL judges what the clearance leaves open."""
-        tails, heads, sure = points[:-1], points[1:], np.empty(len(points))
+        tails = points[:-1]
+        heads = points[1:]
+        sure = np.empty(len(points))
+
         clearances(self.field, np.ascontiguousarray(points), sure)
         unsure = sure[:-1] <= np.hypot(*(heads - tails).T)
         return bool(np.all(self.collision.segments_free(tails[unsure], heads[unsure])))

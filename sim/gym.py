@@ -77,10 +77,13 @@ class Drive(gymnasium.Env[Array, Array]):
         self._plant, d = s.plant(), s.problem.dynamics
         self._fall = s.problem.phi if np.isfinite(s.problem.phi) else penalty
         self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)
-        low, high = np.full(d.m, -bound), np.full(d.m, bound)
+        low = np.full(d.m, -bound)
+        high = np.full(d.m, bound)
+
         if s.settings.plant == "mujoco":
             least, most = control_limits(s.loaded.model, s.loaded.command, d)
-            low, high = np.maximum(low, least), np.minimum(high, most)
+            low = np.maximum(low, least)
+            high = np.minimum(high, most)
         if not np.all(low < high):
             raise OptionError("the robot's ctrlranges leave no control; widen them, or choose another speed or bound")
         self.action_space = Box(low, high, (d.m,), np.float64)
@@ -170,7 +173,8 @@ def score(
                 action = act(x)
                 _control(action, env.action_space.shape, f"seed {key['seed']}, step {step}: the policy returned")
                 x, _, terminated, truncated, _ = env.step(action)
-                step, over = step + 1, terminated or truncated
+                step = step + 1
+                over = terminated or truncated
             record = runs.finished(key, drive.scenario, drive.result(), time.perf_counter() - began, Planned())
             records.append({**record, "samples": None, "dt": None})  # they are the policy's own affair
             keep(records[-1])

@@ -29,7 +29,13 @@ from sim.files import replaced
 if TYPE_CHECKING:
     from sim.scenario import Scenario
 
-FLOOR, BORDER, WALL, GOAL, GOAL_EDGE, INK = "#f7f7f5", "#777777", "#4d5866", "#8fd19e", "#3c8f52", "#222222"
+FLOOR = "#f7f7f5"
+BORDER = "#777777"
+WALL = "#4d5866"
+GOAL = "#8fd19e"
+GOAL_EDGE = "#3c8f52"
+INK = "#222222"
+
 MOVER, TREE, SAMPLE = "#80609e", "#55aacc", "#70747a"
 LEGEND = {"fontsize": 8, "title_fontsize": 8, "frameon": False, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
 LINE = 2.0  # width of the path of a class [points]
@@ -100,7 +106,9 @@ def edges(axes: Any, tree: HomologyTree, color: str, *, width: float, opacity: f
     tails = np.flatnonzero(graph.nodes[:size] > 0)
     costs = np.where(np.arange(graph.cost.shape[1]) < graph.nodes[tails, None], graph.cost[tails], np.inf)
     taken = graph.parent[tails, np.argmin(costs, axis=1)]
-    tails, heads = tails[taken >= 0], graph.head[taken[taken >= 0]]
+    tails = tails[taken >= 0]
+    heads = graph.head[taken[taken >= 0]]
+
     if len(tails):
         paths = tree.steering.connect(tree.states[tails], tree.states[heads])
         _lines(axes, paths.points(SPACING), color, width=width, opacity=opacity, zorder=zorder)
@@ -168,7 +176,8 @@ def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
     axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
     margin = 0.02 * float((scene.upper - scene.lower).max())
-    (left, low), (right, high) = scene.lower - margin, scene.upper + margin
+    left, low = scene.lower - margin
+    right, high = scene.upper + margin
     axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
 
 
@@ -211,7 +220,8 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     rows = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
-    lines, hues = [r.trajectory.points for r in references], [colors[r.id] for r in references]
+    lines = [r.trajectory.points for r in references]
+    hues = [colors[r.id] for r in references]
     classes(axes, lines, rows, hues, title="class: cost", ncols=1 + "\n".join(rows).count("\n") // HIGH)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
@@ -224,10 +234,12 @@ def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], ref
     axes = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained").subplots()
     colors = ClassColors(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
-    iterations, end = convergence["iterations"], convergence["iterations"][-1]
+    iterations = convergence["iterations"]
+    end = convergence["iterations"][-1]
     shown = [name for name in final if name in convergence["lengths"]][:SHOWN]
     for name in shown:
-        lengths, look = np.array(convergence["lengths"][name]), {"color": rgb(colors[name]), "lw": 1.6}
+        lengths = np.array(convergence["lengths"][name])
+        look = {"color": rgb(colors[name]), "lw": 1.6}
         label = f"{title(name)}: {lengths[-1]:.2f} m, shortened {final[name]:.2f}"
         lengths = np.where(np.isfinite(lengths), lengths, np.nan)
         axes.step(iterations, lengths, where="post", label=label, **look)

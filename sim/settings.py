@@ -73,7 +73,9 @@ class Option:
         return self._number(value, label) if self.count is None else [self._number(one, label) for one in value]
 
     def _number(self, value: Any, label: str) -> Any:
-        (low, high), whole = self.bounds or PLACES, self.kind is int
+        low, high = self.bounds or PLACES
+        whole = self.kind is int
+
         with suppress(TypeError):  # it is no number
             if (low <= value <= high and not (whole and value % 1)) or (self.infinite and value == math.inf):
                 return int(value) if whole else value
@@ -100,7 +102,8 @@ def options_of_record(record: type, role: str, group: str) -> tuple[Option, ...]
     """The options that the fields of a record state."""
     found = []
     for one in fields(record):
-        kind, name = _KINDS.get(str(one.type).split(" ")[0], str), one.name.replace("_", "-")
+        kind = _KINDS.get(str(one.type).split(" ")[0], str)
+        name = one.name.replace("_", "-")
         numeric = kind in (int, float) and "count" not in one.metadata and (role == "scene" or one.default is not None)
         more = {"name": f"no-{name}" if one.default is True else name, "group": group, "kind": kind, **one.metadata}
         found.append(Option(attribute=one.name, role=role, numeric=numeric, **more))
@@ -197,7 +200,11 @@ class Settings:
 
     def __post_init__(self) -> None:
         _check(self, BY_SETTING)
-        grow, length, most = self.grow or 0, self.max_time / self.period, (BY_SETTING["vertices"].bounds or PLACES)[1]
+
+        grow = self.grow or 0
+        length = self.max_time / self.period
+        most = (BY_SETTING["vertices"].bounds or PLACES)[1]
+
         size = self.vertices + grow * length
         for wrong, message in (
             (self.budget is not None and (self.target_error is None or self.budget < self.samples),

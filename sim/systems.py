@@ -295,7 +295,8 @@ def chosen(which: str | System) -> System:
 
 def _why(error: BaseException, module: str, name: str, folder: str) -> str:
     """Return why a module cannot be imported, and what to do about it."""
-    file, missing = Path(module), isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
+    file = Path(module)
+    missing = isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
     places = [f" (line {at.lineno} of {at.filename})" for at in _theirs(error, {Path(folder).resolve()})]
     if missing and (file.suffix == ".py" or os.sep in module):
         return f"{file.name} is a file, not a module; in its folder, write --system {file.stem}:{name}"

@@ -112,7 +112,8 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
         return None
     greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, found + 1)))[pieces]
     inside = (clearance >= TUNING.similar * greatest) & (greatest >= TUNING.similar * greatest.max())
-    centers, away = places[inside], np.rint((goal.radius - to_rim[inside]) / cell)
+    centers = places[inside]
+    away = np.rint((goal.radius - to_rim[inside]) / cell)
     center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
 
@@ -150,7 +151,8 @@ def margin_left(scene: Scene, collision: Collision, start: Array) -> float | Non
 
 def waived_along(scene: Scene, line: Array) -> float:
     """Return the most by which the margin is smaller in the narrow passages of a path (l, 2), a polyline [m]."""
-    tails, span = line[:-1], np.diff(line, axis=0)
+    tails = line[:-1]
+    span = np.diff(line, axis=0)
     square = np.maximum((span**2).sum(axis=1), 1e-300)
     most = 0.0
     for disc in scene.narrow:

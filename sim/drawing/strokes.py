@@ -58,7 +58,9 @@ def even(points: Array, count: int) -> Array:
 def side_by_side(lines: Sequence[Array], width: float) -> list[Array]:
     """Move polylines (k, 2) [m] sideways where they coincide, so that strokes of a width [m] all show."""
     fine = [even(line, 2 + int(2.0 * lengths(line)[-1] / width)) for line in lines]
-    trees, moved = [KDTree(line) for line in fine], list[Array]()
+    trees = [KDTree(line) for line in fine]
+    moved = list[Array]()
+
     for place, line in enumerate(fine):
         near = np.array([tree.query(line, distance_upper_bound=width)[0] < width for tree in trees])
         count = near.sum(axis=0)
@@ -151,7 +153,8 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
     edge = graph.parent[vertex, slot]
     head = graph.head[edge]
     ends = np.empty((len(vertex), 2, 3))
-    ends[:, 0, :2], ends[:, 1, :2] = tree.states[vertex, :2], tree.states[head, :2]
+    ends[:, 0, :2] = tree.states[vertex, :2]
+    ends[:, 1, :2] = tree.states[head, :2]
     used = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
     turns = np.sum(graph.turn[vertex, slot] * (used & (graph.marker[vertex, slot] == obstacle)), axis=1, dtype=float)
     added = np.zeros(len(graph.tail))  # by prepending each edge [turns]
@@ -177,7 +180,9 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
     (POINTS, 2) [m]; if it touches something, the sample nearest to it.
     """
     paths, found = estimate.rollouts.paths, {}
-    arrived, share = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0), np.linspace(0.0, 1.0, POINTS)
+    arrived = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0)
+    share = np.linspace(0.0, 1.0, POINTS)
+
     for key, name in names.items():
         group = np.flatnonzero(arrived & (paths.key == key))
         group = group[np.argsort(-estimate.weight[group], kind="stable")[:MOST]]
@@ -201,10 +206,8 @@ def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
 def outline(obstacle: Obstacle) -> Array:
     """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
     size, up = obstacle.size, np.array([0.0, 0.0, obstacle.size[1]])
-    angle, latitude = (
-        np.linspace(0, 2 * np.pi, ROUND, endpoint=False),
-        np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1),
-    )
+    angle = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1)
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
     ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
     points = {

@@ -62,7 +62,10 @@ class Length:
             self._steps += 1
             chord = sqrt(max(0.0, dist(self._begun, place) ** 2 - self._spread * self._steps * step))
             if self._steps >= each:
-                self._chords, self._begun, self._steps, chord = self._chords + chord, place, 0, 0.0
+                self._chords = self._chords + chord
+                self._begun = place
+                self._steps = 0
+                chord = 0.0
         smooth = max(self._chords + chord, dist(self._first, place))
         self.total = min(self.noisy, smooth) if problem.dynamics.noisy_position else self.noisy
 
@@ -171,9 +174,19 @@ class EpisodeMetrics:
     def __init__(
         self, task: Any, x: Array, *, period: float, max_time: float, grid: Desirability | None = None
     ) -> None:  # fmt: skip
-        self._task, self._period, self._max_time, self._grid = task, period, max_time, grid
+        self._task = task
+        self._period = period
+        self._max_time = max_time
+        self._grid = grid
+
         self.risk: Risk = lambda _: None
-        self.outcome, self.time, self.cost, self.steps, self.vertices = "timeout", 0.0, 0.0, 0, 0
+
+        self.outcome = "timeout"
+        self.time = 0.0
+        self.cost = 0.0
+        self.steps = 0
+        self.vertices = 0
+
         self.path_length = self.noisy_path_length = self.blocked_time = 0.0
         self._doubted = -inf  # time of the last weak plan [s]
         self.value_estimate = self.least_ess = self.least_ess_time = None  # type: float | None
@@ -188,13 +201,18 @@ class EpisodeMetrics:
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
         self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
-        self._length, self._driven = Length(x), Driven(task.homology, x)
+        self._length = Length(x)
+        self._driven = Driven(task.homology, x)
         self._space, self._checker = task.space, ClearanceChecker(task.space.scene)
         self.min_clearance = self._checker.least(x[None], np.zeros(1))
 
     def frame(self, made: TimedPlan, advance: Advance, late: Array | None = None) -> Frame:
         """Take the next period into account; by a clock, how late each physics step began, (k,) [s]."""
-        plan, begin, last, task = made.plan, self.time, self.last, self._task
+        plan = made.plan
+        begin = self.time
+        last = self.last
+        task = self._task
+
         if plan.space is not None and plan.space is not self._space:
             if last is not None and made.run is last.run:  # among other obstacles, to the same goal
                 self._driven.enter(plan.space.homology)
@@ -202,12 +220,17 @@ class EpisodeMetrics:
                 self._driven = Driven(task.homology, plan.state, begin)
             self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
         clearance = self._checker.least(plan.state[None], np.array([begin]))
-        self.time, self.cost, self.vertices = begin + advance.time, self.cost + advance.cost, made.vertices
+
+        self.time = begin + advance.time
+        self.cost = self.cost + advance.cost
+        self.vertices = made.vertices
+
         self._length.add(task.problem, advance.states, advance.time / len(advance.states), advance.length)
         self._driven.observe(advance.states, self.time)
         self.path_length, self.noisy_path_length = self._length.total, self._length.noisy
         self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
-        outcome, driven = ending(advance, begin, self._max_time), self._driven.winding()
+        outcome = ending(advance, begin, self._max_time)
+        driven = self._driven.winding()
         news = self._count(plan, begin)
         missed = made.plan_seconds > self._period
         if late is not None:

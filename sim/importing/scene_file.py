@@ -164,11 +164,15 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
 
 def _task(source: Path, world: World, task: Sequence[Sequence[float] | None]) -> tuple[Array, Array]:
     """Start (2,) or (3,) and goal (3,), as given, or else the world's."""
-    start, goal = task[0] or world.start, task[1] or world.goal
+    start = task[0] or world.start
+    goal = task[1] or world.goal
+
     if start is None or goal is None:
         missing = " and ".join(f"the {what}" for what, one in (("start", start), ("goal", goal)) if one is None)
         raise SceneError(f"{source}: this {world.kind} does not name {missing}: give {START} and {GOAL}")
-    place, disc = _numbers(source, START, start, (2, 3)), _numbers(source, GOAL, goal, (3,))
+    place = _numbers(source, START, start, (2, 3))
+    disc = _numbers(source, GOAL, goal, (3,))
+
     if not disc[2] >= FINEST:
         raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive, {FINEST:g} or more")
     return place, disc
@@ -219,7 +223,8 @@ def _workspace(source: Path, world: World, given: Sequence[float] | None, points
     meant = world.ground is not None and (world.kind == "map" or max(np.diff(world.ground)[::2]) <= WIDEST)
     if given is None and not meant:
         points = np.vstack([points, *(solid.pose[None, :2, 3] for solid in world.solids)])
-        low, high = np.floor(points.min(axis=0) - 1), np.ceil(points.max(axis=0) + 1)
+        low = np.floor(points.min(axis=0) - 1)
+        high = np.ceil(points.max(axis=0) + 1)
         why = "a turned map needs" if world.kind == "map" else "no ground plane bounds it: add"
         raise SceneError(f"{source}: {why} {BORDER}, for example {low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}")
     bounds = _numbers(source, BORDER, world.ground if given is None else given, (4,))  # type: ignore[arg-type]

@@ -103,7 +103,8 @@ def as_box(corners: Array) -> tuple[Array, Array] | None:
     gaps = np.linalg.norm(corners[:, None] - corners[0] - np.array([*product((0.0, 1.0), repeat=3)]) @ frame, axis=2)
     if np.abs(axes @ axes.T - np.eye(3)).max() > FLAT or max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) > FLAT:
         return None
-    pose, second = np.eye(4), axes[1] - axes[0] * (axes[0] @ axes[1])
+    pose = np.eye(4)
+    second = axes[1] - axes[0] * (axes[0] @ axes[1])
     second /= np.linalg.norm(second)
     pose[:3] = np.column_stack([axes[0], second, np.cross(axes[0], second), corners.mean(axis=0)])
     return pose, sizes / 2
@@ -114,18 +115,23 @@ def transform(values: Array, *, degrees: bool = False) -> Array:
     by_angles = len(values) == 6
     turn = Rotation.from_euler("xyz", values[3:], degrees=degrees) if by_angles else Rotation.from_quat(values[3:])
     matrix = np.eye(4)
-    matrix[:3, 3], matrix[:3, :3] = values[:3], turn.as_matrix()
+    matrix[:3, 3] = values[:3]
+    matrix[:3, :3] = turn.as_matrix()
+
     return matrix
 
 
 def distinct(names: Iterable[str], taken: Iterable[str], mark: str = " ", first: int = 2) -> Iterator[str]:
     """Yield names, each with a number where it is taken."""
-    seen, numbers = set(taken), dict[str, int]()
+    seen = set(taken)
+    numbers = dict[str, int]()
+
     for name in names:
         own = name
         while own in seen:
             number = numbers.get(name, first)
-            own, numbers[name] = f"{name}{mark}{number}", number + 1
+            own = f"{name}{mark}{number}"
+            numbers[name] = number + 1
         seen.add(own)
         yield own
 

@@ -114,7 +114,8 @@ def seeds_of(text: str) -> range:
     """Seeds as in 0:100, or one; OptionError if it is no range, empty, or beyond what a dataset can hold."""
     first, _, last = text.partition(":")
     try:
-        start, stop = int(first), int(last) if last else int(first) + 1
+        start = int(first)
+        stop = int(last) if last else int(first) + 1
     except ValueError:
         raise OptionError(f"--seeds: {text[:60]!r} is no range; write for instance 0:100") from None
     if start < 0 or stop <= start:
