@@ -67,7 +67,8 @@ def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
         raise OptionError(f"{words[0]!r} is no command{like}; it must be one of {', '.join(COMMANDS)}")
     arguments, unknown = parser(everything="--help-all" in words).parse_known_args(words)
     if unknown:
-        word, flags = unknown[0].partition("=")[0], [option.flag for option in options_of(arguments.command)]
+        word = unknown[0].partition("=")[0]
+        flags = [option.flag for option in options_of(arguments.command)]
         begun = [flag for flag in flags if flag.startswith(word) and word.startswith("--")]
         near = begun or get_close_matches(word, flags, 1, ALIKE)
         meant = f" (did you mean {' or '.join(near)}?)" if near else ""

@@ -99,13 +99,17 @@ def notice() -> Notice:
 
 def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
     """Read the scene and the task of a command line, and put into `arguments` the scene's numbers for the rest."""
-    given, command, numbers = vars(arguments), arguments.command, len(arguments.start or (0, 0))
+    given = vars(arguments)
+    command = arguments.command
+    numbers = len(arguments.start or (0, 0))
+
     if numbers not in (2, 3):
         raise OptionError(
             f"--start has {counted(numbers, 'number')}; it must be X Y, and TH of a robot with a heading; runs begin "
             "at rest (`pirrht estimate --at` takes any state)"
         )
-    driven, of_run = command not in ("plan", "estimate"), options.of_run(command, given)
+    driven = command not in ("plan", "estimate")
+    of_run = options.of_run(command, given)
     notice().run = arguments.scene, of_run
     scenario = prepare(arguments.scene, given=of_run, loose=loose, driven=driven)
     if numbers == 3 and not scenario.problem.dynamics.angles:
@@ -157,13 +161,16 @@ def plan(arguments: argparse.Namespace) -> int:
 
             plotting.check(getattr(arguments, option), f"--{option}")
     scenario = scenario_of(arguments)
-    began, watched = notice().clock(), {}
+    began = notice().clock()
+    watched = {}
+
     if arguments.convergence:
         vertices = scenario.settings.vertices
         with Progress("plan", vertices, " vertices") as bar:
             tree = scenario.empty_tree(scenario.grown_tree(bar.to).limit)
             lengths = convergence_json(tree, scenario.start, vertices, every=max(1, vertices // 200), progress=bar.to)
-        references, watched = scenario.references(tree), {"convergence": lengths}
+        references = scenario.references(tree)
+        watched = {"convergence": lengths}
         report_limit(scenario, tree)
     else:
         tree, references = planned(scenario)

@@ -53,7 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
         observers.append(partial(_show, bar, scenario.settings.risk))
         last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
     assert last is not None
-    result, collision = last.metrics.json(), scenario.collisions(last.metrics.first_plan)
+    result = last.metrics.json()
+    collision = scenario.collisions(last.metrics.first_plan)
     tables.summary(last.metrics, scenario)
     if truth is not None:
         report_prediction(scenario, "the exact value is that")

@@ -84,7 +84,8 @@ def doubts(
 ) -> list[str]:
     """List doubts that standard errors hide: few samples, heavy tails, classes not sampled, targets missed."""
     known = [e for e in estimates if e is not None]
-    of, least = f"of {len(known)} repeats", min((e.value for e in known), default=0.0)
+    of = f"of {len(known)} repeats"
+    least = min((e.value for e in known), default=0.0)
     poor = sum(e.doubtful for e in known)
     heavy = sum(e.heavy_tailed and not e.doubtful for e in known)
     lines = [
@@ -113,7 +114,11 @@ def passages_line(found: dict[str, Any]) -> str:
     """Report open passages (`passages_json`) that are on no path; empty without any."""
     if not (unused := found["unused"]):
         return ""
-    (x, y), width, between = unused[0]["at"], unused[0]["width"], " and ".join(unused[0]["between"])
+
+    x, y = unused[0]["at"]
+    width = unused[0]["width"]
+    between = " and ".join(unused[0]["between"])
+
     return (
         f"no path leads through {len(unused)} of {counted(found['open'], 'open passage')}; the narrowest of these is "
         f"{width:.2f} m wide at ({x:.2f}, {y:.2f}) between {between}; more --vertices or --classes or a higher --limit "

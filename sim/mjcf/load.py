@@ -85,8 +85,11 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     Raises:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
     """
-    task, path = SceneOptions(**options), find("scene", scene)
-    spec, faults = parse(path), Faults()
+    task = SceneOptions(**options)
+    path = find("scene", scene)
+    spec = parse(path)
+    faults = Faults()
+
     with prefixed(f"{path}: "):
         motions, notes = _edited(spec, task, path, loose=loose)
         about, meant, defaults = faults.of(_custom, spec) or ("", DEFAULT, {})
@@ -102,13 +105,15 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         span = max(robot.height - robot.radius, 0.0), robot.height + robot.radius
         solids = obstacles.read_obstacles(model, data, mine, span, faults)
         borders = faults.of(obstacles.read_workspace, model, data, task.workspace)
-        goal, start = faults.of(_goal, model, data, task.goal), faults.of(_start, model, data, task.start)
+        goal = faults.of(_goal, model, data, task.goal)
+        start = faults.of(_start, model, data, task.start)
         faults.refuse()
         assert borders is not None and goal is not None and start is not None  # noqa: PT018
         if concave := obstacles.concave_meshes(model, solids):
             called = listed([*concave.values()])
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
-        moving, movers = obstacles.moved_geoms(model, motions), obstacles.read_movers(model, data, motions, solids)
+        moving = obstacles.moved_geoms(model, motions)
+        movers = obstacles.read_movers(model, data, motions, solids)
         values = Scene(
             name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, robot_radius=robot.radius,
             obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
@@ -208,7 +213,9 @@ def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
         raise SceneError(f'custom text "pirrht_robot" is "{robot}"{like}; write one of {", ".join(robot_names())}')
     defaults = {}
     for name in (name for name in numerics if name in options):
-        label, values = f'custom numeric "{name}"', list(numerics[name].data)
+        label = f'custom numeric "{name}"'
+        values = list(numerics[name].data)
+
         if len(values) != 1 or isnan(values[0]):
             raise SceneError(f"{label} is {values}; write one finite number")
         with refused("", "", OptionError):
@@ -222,7 +229,9 @@ def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | N
     if given is None and site < 0:
         raise SceneError(f'no site "goal"; add {remedy} or give --goal X Y R')
     if given is None:
-        kind, upright = _GEOM(int(model.site_type[site])), abs(data.site_xmat[site, 8]) >= 1 - 1e-6
+        kind = _GEOM(int(model.site_type[site]))
+        upright = abs(data.site_xmat[site, 8]) >= 1 - 1e-6
+
         if kind != _GEOM.mjGEOM_SPHERE and not (kind == _GEOM.mjGEOM_CYLINDER and upright):
             raise SceneError(f'site "goal" is no sphere or upright cylinder; write {remedy}')
         given = [*data.site_xpos[site, :2], model.site_size[site, 0]]
@@ -253,7 +262,8 @@ def _check_start(
     mujoco.mj_fwdPosition(model, data)
     touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if solid[g]]
     if touched:
-        (x, y), geom = model.key_qpos[0, :2], int(touched[0])
+        x, y = model.key_qpos[0, :2]
+        geom = int(touched[0])
         label, body = geom_label(model, geom), model.body(model.body_rootid[model.geom_bodyid[geom]]).name
         if geom in concave:
             label = f"the convex hull of {concave[geom]}, with which MuJoCo collides: {DECOMPOSE}"

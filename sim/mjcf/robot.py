@@ -105,17 +105,22 @@ def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) ->
     rates = dynamics.idle(x) + np.vstack([np.zeros(dynamics.m), per_control])
     still, *moved = (command @ dynamics.twist(x, rate) for rate in rates)
     slopes = np.column_stack(moved) - still[:, None]
-    low, high = np.full(dynamics.m, -np.inf), np.full(dynamics.m, np.inf)
+    low = np.full(dynamics.m, -np.inf)
+    high = np.full(dynamics.m, np.inf)
+
     for i in np.flatnonzero(model.actuator_ctrllimited & (np.count_nonzero(slopes, axis=1) == 1)):
         j = np.flatnonzero(slopes[i])[0]
         least, most = np.sort((model.actuator_ctrlrange[i] - still[i]) / slopes[i, j])
-        low[j], high[j] = max(low[j], least), min(high[j], most)
+        low[j] = max(low[j], least)
+        high[j] = min(high[j], most)
     return low, high
 
 
 def _resize(spec: mujoco.MjSpec, body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float) -> None:
     """A robot that collides with its footprint grows as a whole; for any other only the footprint does."""
-    ratio, scaled = radius / foot.size[0], [(foot, "size")]
+    ratio = radius / foot.size[0]
+    scaled = [(foot, "size")]
+
     if foot.contype or foot.conaffinity:
         scaled = [*product(spec.meshes, ["scale"]), *product(body.find_all("body"), ["pos"])]
         scaled += product(body.find_all("geom"), ["size", "pos"])
@@ -127,7 +132,10 @@ def _widen(body: mujoco.MjsBody, foot: mujoco.MjsGeom, margin: float) -> None:
     """Plans keep a distance [m]; where the footprint was what collides, a ball of its size inside it is now."""
     if foot.contype or foot.conaffinity:
         body.add_geom(name="inner footprint", **{name: getattr(foot, name) for name in _INNER})
-        foot.contype, foot.conaffinity, foot.mass, foot.density = 0, 0, 0.0, 0.0
+        foot.contype = 0
+        foot.conaffinity = 0
+        foot.mass = 0.0
+        foot.density = 0.0
     foot.size = np.asarray(foot.size) + margin * np.array([1.0, 0.0, 0.0])
 
 
@@ -209,9 +217,12 @@ def _rest(model: mujoco.MjModel) -> Array:
 
 def _checked_reach(model: mujoco.MjModel) -> float:
     """Distance from the footprint's centre to the farthest point of what collides, which lies inside it [m]."""
-    foot, data = int(model.geom("footprint").id), mujoco.MjData(model)
+    foot = int(model.geom("footprint").id)
+    data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    centre, radius = data.geom_xpos[foot], float(model.geom_size[foot, 0])
+    centre = data.geom_xpos[foot]
+    radius = float(model.geom_size[foot, 0])
+
     if np.any(np.abs(centre[:2]) > 1e-9):
         raise SceneError('geom "footprint" must lie above its body\'s origin; write pos="0 0 z"')
     solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
@@ -228,7 +239,8 @@ def _checked_reach(model: mujoco.MjModel) -> float:
 
 def _reach(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array) -> float:
     """Distance from `centre` to the farthest point of the geom, or a bound of it [m]."""
-    kind, size = _GEOM(int(model.geom_type[geom])), model.geom_size[geom]
+    kind = _GEOM(int(model.geom_type[geom]))
+    size = model.geom_size[geom]
     offset = (centre - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
     if kind == _GEOM.mjGEOM_MESH:
         return float(np.linalg.norm(mesh_of(model, geom)[0] - offset, axis=1).max())
@@ -287,7 +299,11 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     x[[dynamics.states.index(name) for name in names]] = 1.0
     names += ["heading"] if "speed" in names else []
     kept = [dynamics.states.index(name) for name in names]
-    h, still, stance = model.opt.timestep, np.zeros(dynamics.m), Stance(model, dynamics.states)
+
+    h = model.opt.timestep
+    still = np.zeros(dynamics.m)
+    stance = Stance(model, dynamics.states)
+
     for u in np.vstack([still, np.eye(dynamics.m)]) / max(1.0, float(np.abs(dynamics.G_c(x)).max())):
         ctrl = command.dot(dynamics.twist(x, dynamics.rate(x, u, still, h)))
         data = mujoco.MjData(model)

@@ -229,7 +229,9 @@ class Scenario:
         except NoReference as error:
             if waits and self.moving:
                 return []
-            left, own = self.space.margin_left(self.start), self.space.scene.margin - self.margin  # of the footprint
+            left = self.space.margin_left(self.start)
+            own = self.space.scene.margin - self.margin  # of the footprint
+
             if left is None:
                 raise
             left = math.floor(1e3 * max(left - own, 0.0)) / 1e3
