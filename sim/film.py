@@ -50,7 +50,8 @@ BACKEND = "mujoco.egl"
 SKY: Color = (204, 216, 228)  # behind what has no sky
 MOST = 6000  # shapes in a picture
 THIN = 1.5  # width of thin lines [px]
-INSET, ROW, LETTER = 14.0, 26.0, 12.0  # of texts in a picture 720 pixels high [px]
+INSET, ROW, LETTER = 14.0, 26.0, 12.0  # of texts at 150 % [px]
+PER_SIZE, SIZES = 240, range(2, 7)  # rows of pixels for each 50 % of letters, and multiples of that which MuJoCo has
 PANEL = (0.08, 0.09, 0.10, 0.85)  # behind them
 SLICES, STACKS = 28, 8  # corners of round shapes
 ORIGIN = np.zeros(3)
@@ -95,7 +96,8 @@ class Film:
             remedy = "install libegl1, or libosmesa6 and set MUJOCO_GL=osmesa, or leave it out"
             option = "--png" if video is None else "--video"
             raise OptionError(f"{option}: pictures cannot be drawn without a window ({why}); {remedy}") from None
-        self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
+        letters = min(max(round(high / PER_SIZE), SIZES[0]), SIZES[-1])
+        self._renderer, self._text_scale = mujoco.MjrContext(model, 50 * letters), letters / 3.0
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
         self._frame = mujoco.MjrRect(0, 0, wide, high)
         self._shapes = mujoco.MjvScene(model, maxgeom=MOST)
@@ -235,7 +237,7 @@ class Film:
         """Return the picture, with rows of text in the upper left corner, each in its colour."""
         self._gl.make_current()
         mujoco.mjr_render(self._frame, self._shapes, self._renderer)
-        width, height, scale = self._frame.width, self._frame.height, self._frame.height / 720.0
+        width, height, scale = self._frame.width, self._frame.height, self._text_scale
         wide = round(scale * (2 * INSET + LETTER * max(len(text) for text, _ in rows)))
         high = round(scale * (INSET + ROW * len(rows)))
         mujoco.mjr_rectangle(mujoco.MjrRect(0, height - high, wide, high), *PANEL)

@@ -180,7 +180,8 @@ class Settings:
     horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
     mppi_terminal: str = one_of(("path", "straight"), "mppi: cost after its horizon by the shortest path or the "
                                 "straight line")
-    exploration: float = stated(1.0, "mppi: noise of its samples, as a multiple of the robot's", "X", (1e-3, 1e3))
+    exploration: float = stated(1.25, "mppi: noise of its samples, as a multiple of the robot's; with more it collides "
+                                "less often, at more cost", "X", (1e-3, 1e3))
     predict: str = one_of(("known", "velocity"), "motions of obstacles: known, or predicted by constant velocity")
     speed_limit: float = stated(0.0, "speed limit among moving obstacles; 0: five times the best speed", "M/S",
                                 (0.0, 1e3))

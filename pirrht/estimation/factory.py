@@ -71,7 +71,7 @@ class ProposalFactory:
         x = self.problem.dynamics.state_of(self.problem.scene.start)
         if optima and self.guidance is not None:
             self.guidance.warm_up(x)
-        if self.climbs_too:
+        if self.climbs or self.climbs_too:
             self.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
         clearance(self.space.field, x[0], x[1])
 
