@@ -36,25 +36,39 @@ class NoReference(PirrhtError):
     """No allowed homology class reaches the goal from a state (n,); keeps the query (paper, section IV-C).
 
     `limit` is that of |1 - H_i| [turns], `blocked` the nearest blocked signature (M,) [turns], if one was given;
-    `hasty` whether a class does from the same place at rest, so that the speed is the reason.
+    `hasty` whether a class does from the same place at rest, so that the speed is the reason. `margin` is that of the
+    plan [m], if it is the reason, and `left` one that leaves a path.
     """
 
     def __init__(
         self, state: Sequence[float], *, vertices: int, limit: float, blocked: Sequence[float] | None = None,
-        hasty: bool = False,
+        hasty: bool = False, margin: float = 0.0, left: float | None = None,
     ) -> None:  # fmt: skip
-        self.state, self.vertices, self.limit, self.hasty = tuple(map(float, state)), vertices, limit, hasty
+        self.state = tuple(map(float, state))
+        self.vertices = vertices
+        self.limit = limit
+        self.hasty = hasty
+        self.margin = margin
+        self.left = left
         self.blocked = None if blocked is None else tuple(map(float, blocked))
         where = ", ".join(f"{s:.3g}" for s in self.state)
         signature = "" if self.blocked is None else ", ".join(f"{h:.3g}" for h in self.blocked)
         nearest = f"; the nearest blocked signature is ({signature})" if signature else ""
-        super().__init__(
-            f"no class was found from ({where}), but some are found from the same place at rest: at this speed hardly "
-            "any path brakes or turns in time. Try more vertices, start slower, or further from what is ahead."
-            if hasty
-            else f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"
+        text = (
+            f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"
             f"{nearest}. Try more vertices, a larger limit of |1 - H_i| or a smaller radius."
         )
+        if hasty:
+            text = (
+                f"no class was found from ({where}), but some are found from the same place at rest: at this speed "
+                "hardly any path brakes or turns in time. Try more vertices, start slower, or further from what is "
+                "ahead."
+            )
+        if left is not None:
+            keeps = f"keeps the margin of {margin:g} m. A margin of {left:.3g} m leaves one."
+            narrow = "is wide enough for the robot, even without a margin. Try a smaller radius."
+            text = f"no path from ({where}) to the goal {keeps if left > 0.0 else narrow}"
+        super().__init__(text)
 
 
 class NoSurvivingSample(PirrhtError):

@@ -15,7 +15,7 @@ from pirrht.geometry.arcs import FREE, UNSURE, certify_point
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field, clearances
-from pirrht.geometry.fitting import fitted
+from pirrht.geometry.fitting import fitted, margin_left
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
@@ -73,7 +73,9 @@ class FreeSpace:
             field = build_field(collision, sorted(i for part in parts for i in part.members))
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
-        homology, moving = homology.with_moving(scene.movers, scene.footprint), moving_of(scene)
+        homology = homology.with_moving(scene.movers, scene.footprint)
+        moving = moving_of(scene)
+
         return cls(scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology, moving=moving)
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
@@ -110,7 +112,10 @@ class FreeSpace:
 
     def segments_free(self, points: Array) -> bool:
         """Return whether the line through points (k, 2) [m] is free; FCL judges what the clearance leaves open."""
-        tails, heads, sure = points[:-1], points[1:], np.empty(len(points))
+        tails = points[:-1]
+        heads = points[1:]
+        sure = np.empty(len(points))
+
         clearances(self.field, np.ascontiguousarray(points), sure)
         unsure = sure[:-1] <= np.hypot(*(heads - tails).T)
         return bool(np.all(self.collision.segments_free(tails[unsure], heads[unsure])))
@@ -122,6 +127,13 @@ class FreeSpace:
     def passages(self) -> Passages:
         """Find the places where obstacles face each other with clearance for the robot between."""
         return find_passages(self.field, self.collision)
+
+    def margin_left(self, x: Array) -> float | None:
+        """Return a margin [m] that leaves a path from a state x (n,) to the goal, 0 for none, where this one does not.
+
+        None: this one does, or a grid cannot tell. Only static obstacles count.
+        """
+        return margin_left(self.scene, self.collision, x[:2])
 
     def clearance(self, position: Array) -> float:
         """Return FCL's clearance of the robot's centre at one position (2,) [m]."""

@@ -105,7 +105,9 @@ class Problem:
         if d.input_form:
             left, right, remedy = "R^-1", "s s'", "(s s')^-1"
         for x in self._probes():
-            R, (G, B) = self.control_cost(x), d.noise_form(x)
+            R = self.control_cost(x)
+            G, B = d.noise_form(x)
+
             if not (np.allclose(R, R.T) and np.linalg.eigvalsh(R).min() > 0.0):
                 raise OptionError(f"R is {R.tolist()} at x = {x.tolist()}; it must be symmetric and positive definite")
             for what, matrix in (("control_block", G), ("diffusion_block", B)):
@@ -114,7 +116,8 @@ class Problem:
                         f"{name}: {what} is {matrix.tolist()} at x = {x.tolist()}; "
                         "it must have an inverse, so that noise and control act on every actuated state"
                     )
-            shape, noise = G @ np.linalg.inv(R) @ G.T, B @ B.T
+            shape = G @ np.linalg.inv(R) @ G.T
+            noise = B @ B.T
             value = float(np.trace(noise) / np.trace(shape)) if np.isnan(value) else value
             if not (np.allclose(value * shape, noise, rtol=1e-8, atol=1e-12 * np.trace(noise)) and value > 0):
                 raise NotLinearlySolvable(
@@ -135,7 +138,10 @@ class Problem:
 
 def _faults(d: Dynamics) -> Iterator[str]:
     """Find faults of a system that scenes and rollouts cannot serve, with remedies."""
-    n, m, given = getattr(d, "n", 0), getattr(d, "m", 0), ", ".join(d.states)
+    n = getattr(d, "n", 0)
+    m = getattr(d, "m", 0)
+    given = ", ".join(d.states)
+
     shapes: dict[str, tuple[int, ...]] = {"control_block": (m, m), "diffusion_block": (m, m)}
     if d.input_form:
         shapes = {"input_matrix": (n, m), "input_noise": (m, m)}
@@ -166,7 +172,9 @@ def _faults_of_arrays(d: Dynamics, shapes: dict[str, tuple[int, ...]]) -> Iterat
             form, remedy = ("paper's", "out") if d.input_form else ("input", "out, or declare an input_matrix")
             yield f"{what} belongs to the {form} form; leave it {remedy}"
     for what, shape in shapes.items():
-        value, functions = getattr(d, what), what != "input_noise"
+        value = getattr(d, what)
+        functions = what != "input_noise"
+
         if not isinstance(value, np.ndarray) and not (functions and callable(value)):
             kinds = "an array or a function" if functions else "an array: s is constant"
             yield f"{what} is a {type(value).__name__}; it must be {kinds}"
@@ -181,7 +189,9 @@ def _faults_of_functions(d: Dynamics) -> Iterator[str]:
     """Find functions that cannot be called, fail, or write no finite numbers."""
     n, filling = d.n, {"drift": (d.n,), "input_matrix": (d.n, d.m)}
     for what, shape in filling.items() if callable(d.input_matrix) else [("drift", (n,))]:
-        function, filled = getattr(d, what), []
+        function = getattr(d, what)
+        filled = []
+
         if inspect.ismethod(function):
             yield f"{what}(x, p, out) cannot be called without self; make it a @staticmethod"
         for x in (0.0, 0.3):

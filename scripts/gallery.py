@@ -56,7 +56,7 @@ HEAD = """# Gallery
 <!-- Made by scripts/gallery.py of the scenes themselves; a test compares both. -->
 
 Each built-in scene with seed 0 and its own noise: the robot after 45 % of the run, with references as thick as they are
-probable, and the whole run. `pirrht run SCENE --record FILE.rrd` records one.
+probable and a few samples, and the whole run. `pirrht run SCENE --record FILE.rrd` records one.
 """
 
 

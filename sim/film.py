@@ -50,10 +50,12 @@ BACKEND = "mujoco.egl"
 SKY: Color = (204, 216, 228)  # behind what has no sky
 MOST = 6000  # shapes in a picture
 THIN = 1.5  # width of thin lines [px]
-INSET, ROW, LETTER = 14.0, 26.0, 12.0  # of texts in a picture 720 pixels high [px]
+INSET, ROW, LETTER = 14.0, 26.0, 12.0  # of texts at 150 % [px]
+PER_SIZE, SIZES = 240, range(2, 7)  # rows of pixels for each 50 % of letters, and multiples of that which MuJoCo has
 PANEL = (0.08, 0.09, 0.10, 0.85)  # behind them
 SLICES, STACKS = 28, 8  # corners of round shapes
-ORIGIN, AXES = np.zeros(3), np.eye(3).ravel()
+ORIGIN = np.zeros(3)
+AXES = np.eye(3).ravel()
 
 
 class Film:
@@ -94,18 +96,25 @@ class Film:
             remedy = "install libegl1, or libosmesa6 and set MUJOCO_GL=osmesa, or leave it out"
             option = "--png" if video is None else "--video"
             raise OptionError(f"{option}: pictures cannot be drawn without a window ({why}); {remedy}") from None
-        self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
+        letters = min(max(round(high / PER_SIZE), SIZES[0]), SIZES[-1])
+        self._renderer, self._text_scale = mujoco.MjrContext(model, 50 * letters), letters / 3.0
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
-        self._frame, self._shapes = mujoco.MjrRect(0, 0, wide, high), mujoco.MjvScene(model, maxgeom=MOST)
+        self._frame = mujoco.MjrRect(0, 0, wide, high)
+        self._shapes = mujoco.MjvScene(model, maxgeom=MOST)
         self._shapes.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
-        self._options, self._camera, self._scene = mujoco.MjvOption(), mujoco.MjvCamera(), loaded.scene
+
+        self._options = mujoco.MjvOption()
+        self._camera = mujoco.MjvCamera()
+        self._scene = loaded.scene
+
         extent = self._scene.upper - self._scene.lower
         across = max(float(extent[1]), float(extent[0]) * high / wide)
         self._thick = max(1.0, across / 6.0)  # of lines
         # What is near takes more of the picture, which looks northward.
         self._camera.lookat[:] = [*(self._scene.lower + (0.5, 0.46) * extent), 0.0]
         self._camera.distance, self._camera.elevation, self._camera.azimuth = 1.32 * across, -ELEVATION, 90.0
-        self._data, self._stance = mujoco.MjData(model), Stance(loaded.model, loaded.states)
+        self._data = mujoco.MjData(model)
+        self._stance = Stance(loaded.model, loaded.states)
         self._mocap = Mocap(loaded.model, self._scene.movers) if self._scene.movers else None
         self._colors = ClassColors()
         self._path: list[Array] = []  # rows of a time [s] and a state
@@ -156,7 +165,9 @@ class Film:
         self._gl._context = None  # or it would complain when the process ends
 
     def _pictures(self, progress: Callable[[int], None]) -> Iterator[Picture]:
-        moving, last = self.length - round(HOLD * RATE), self._picture(np.inf)
+        moving = self.length - round(HOLD * RATE)
+        last = self._picture(np.inf)
+
         for k in range(self.length):
             yield self._picture(k / RATE) if k < moving else last
             progress(1)
@@ -164,7 +175,11 @@ class Film:
     def _picture(self, time: float) -> Picture:
         path = np.concatenate(self._path)
         path = path[: np.searchsorted(path[:, 0], time + 1e-9, side="right")]
-        now, state, over = float(path[-1, 0]), path[-1, 1:], time >= self._path[-1][-1, 0]
+
+        now = float(path[-1, 0])
+        state = path[-1, 1:]
+        over = time >= self._path[-1][-1, 0]
+
         self._pose(state, now)
         _, plan, samples = self._plans[bisect_right(self._plans, time + 1e-9, key=itemgetter(0)) - 1]
         weights = plan.estimate.class_weights if plan.estimate else {}
@@ -222,7 +237,7 @@ class Film:
         """Return the picture, with rows of text in the upper left corner, each in its colour."""
         self._gl.make_current()
         mujoco.mjr_render(self._frame, self._shapes, self._renderer)
-        width, height, scale = self._frame.width, self._frame.height, self._frame.height / 720.0
+        width, height, scale = self._frame.width, self._frame.height, self._text_scale
         wide = round(scale * (2 * INSET + LETTER * max(len(text) for text, _ in rows)))
         high = round(scale * (INSET + ROW * len(rows)))
         mujoco.mjr_rectangle(mujoco.MjrRect(0, height - high, wide, high), *PANEL)
@@ -230,7 +245,8 @@ class Film:
         for k, (text, color) in enumerate(rows, 1):
             at, font = (scale * INSET / width, 1.0 - scale * ROW * k / height), mujoco.mjtFont.mjFONT_NORMAL
             mujoco.mjr_text(font, text, self._renderer, *at, *(channel / 255.0 for channel in color))
-        pixels, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
+        pixels = np.empty((height, width, 3), np.uint8)
+        depth = np.empty((height, width), np.float32)
         mujoco.mjr_readPixels(pixels, depth, self._frame, self._renderer)
         if not self._sky:
             pixels[(depth >= 1.0) & ~pixels.any(axis=2)] = SKY  # what is transparent has no depth

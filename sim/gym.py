@@ -77,10 +77,13 @@ class Drive(gymnasium.Env[Array, Array]):
         self._plant, d = s.plant(), s.problem.dynamics
         self._fall = s.problem.phi if np.isfinite(s.problem.phi) else penalty
         self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)
-        low, high = np.full(d.m, -bound), np.full(d.m, bound)
+        low = np.full(d.m, -bound)
+        high = np.full(d.m, bound)
+
         if s.settings.plant == "mujoco":
             least, most = control_limits(s.loaded.model, s.loaded.command, d)
-            low, high = np.maximum(low, least), np.minimum(high, most)
+            low = np.maximum(low, least)
+            high = np.minimum(high, most)
         if not np.all(low < high):
             raise OptionError("the robot's ctrlranges leave no control; widen them, or choose another speed or bound")
         self.action_space = Box(low, high, (d.m,), np.float64)
@@ -138,7 +141,7 @@ def score(
         policy: takes the state x (n,) and returns the control u (m,), held for one period; with `anew` a function
             that takes a seed and makes such a policy, for one with a memory. (Of a wrapped environment: its
             observation, its action.)
-        seeds: one run each, whole numbers from 0 on.
+        seeds: one run each, at least one whole number from 0 on.
         method: its name in tables and reports.
         environment: a wrapped `Drive`; else one of `options` is made.
         into: folder of a sweep (`pirrht sweep -o`) that the runs are added to for `pirrht report`; made if there is
@@ -150,14 +153,17 @@ def score(
     """
     if environment is not None and options:
         raise OptionError(f"{', '.join(options)}: no argument next to an environment, which has its own; leave it out")
+    wanted = list(seeds) if isinstance(seeds, Iterable) else []
+    if not wanted:
+        raise OptionError(f"seeds is {reprlib.repr(seeds)}; give at least one whole number, as in range(10)")
     env = Drive(**options) if environment is None else environment
     drive = env.unwrapped
     assert isinstance(drive, Drive)
     job = replace(drive.job, method=method, noise=drive.scenario.settings.noise, label=Path(drive.job.scene).stem)
     job = replace(job, digest=runs.digest(*job.place))
-    keys = [{**replace(job, seed=SEED.check(seed, "seed")).identity, "plan_seed": 0} for seed in seeds]
+    keys = [{**replace(job, seed=SEED.check(seed, "seed")).identity, "plan_seed": 0} for seed in wanted]
     records: list[dict[str, Any]] = []
-    into_folder = scores.kept(Path(into), replace(job, method="passive"), keys, again) if into and keys else None
+    into_folder = scores.kept(Path(into), replace(job, method="passive"), keys, again) if into else None
     with into_folder or nullcontext(lambda record: None) as keep:
         for key in keys:
             began, step, over = time.perf_counter(), 0, False
@@ -167,7 +173,8 @@ def score(
                 action = act(x)
                 _control(action, env.action_space.shape, f"seed {key['seed']}, step {step}: the policy returned")
                 x, _, terminated, truncated, _ = env.step(action)
-                step, over = step + 1, terminated or truncated
+                step = step + 1
+                over = terminated or truncated
             record = runs.finished(key, drive.scenario, drive.result(), time.perf_counter() - began, Planned())
             records.append({**record, "samples": None, "dt": None})  # they are the policy's own affair
             keep(records[-1])

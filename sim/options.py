@@ -127,10 +127,15 @@ def completed(command: str, given: Mapping[str, Any], scene: Mapping[str, float]
 
 def check_size(task: Any, memory: float | None = None) -> None:
     """Refuse plans that never end or do not fit into half of the `memory` [bytes], by default the machine's."""
-    s, d, scene, classes = task.settings, task.problem.dynamics, task.loaded.scene, task.classes_at_start()
+    s = task.settings
+    d = task.problem.dynamics
+    scene = task.loaded.scene
+    classes = task.classes_at_start()
+
     if s.method == "optimal":
         return
-    mppi, targeted = s.method == "mppi", s.target_error is not None
+    mppi = s.method == "mppi"
+    targeted = s.target_error is not None
     speed = s.speed if "speed" in task.system.heeds else 1.0
     cost = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed + TAIL * task.problem.temperature
     seconds = s.horizon if mppi else cost / task.problem.least_rate  # of a path, about

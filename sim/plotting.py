@@ -4,7 +4,7 @@
 references are at equal moments.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -15,22 +15,30 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError, printable
+from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle, Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim.drawing.colors import NAMED, PALETTE, ClassColors, Color, labels, passing, rgb, title
-from sim.drawing.strokes import fading, outline, timed
+from sim.drawing.colors import NAMED, ClassColors, Color, labels, passing, rgb, title
+from sim.drawing.strokes import fading, outline, side_by_side, timed
 from sim.extras import require
 from sim.files import replaced
 
 if TYPE_CHECKING:
     from sim.scenario import Scenario
 
-FLOOR, BORDER, WALL, GOAL, GOAL_EDGE, INK = "#f7f7f5", "#777777", "#4d5866", "#8fd19e", "#3c8f52", "#222222"
+FLOOR = "#f7f7f5"
+BORDER = "#777777"
+WALL = "#4d5866"
+GOAL = "#8fd19e"
+GOAL_EDGE = "#3c8f52"
+INK = "#222222"
+
 MOVER, TREE, SAMPLE = "#80609e", "#55aacc", "#70747a"
 LEGEND = {"fontsize": 8, "title_fontsize": 8, "frameon": False, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
+LINE = 2.0  # width of the path of a class [points]
 ARROW = 0.5  # time that the arrow of a control spans [s]
 FAINT, STRONG = 0.08, 0.6  # opacity of samples, of the least and of the greatest weight
 SPACING = 0.15  # of points on edges that turn [m]
@@ -60,8 +68,11 @@ def tree(drawn: HomologyTree, x: Array | None, axes: Any) -> Any:
     scene = drawn.space.scene
     draw(axes, scene)
     edges(axes, drawn, TREE, width=0.4, opacity=0.6, zorder=2)
+    numbers(axes, drawn.space, 0.0)
     labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
-    classes(axes, [one.trajectory.points for one in references], labels, title="class: cost")
+    colors = ClassColors(one.id for one in references)
+    lines = [one.trajectory.points for one in references]
+    classes(axes, lines, labels, [colors[one.id] for one in references], title="class: cost")
     axes.set_title(f"{literal(scene.name)}: {drawn.size} vertices", fontsize=10)
     return axes
 
@@ -72,12 +83,15 @@ def plan(drawn: Plan, samples: int, axes: Any) -> Any:
         raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
     axes = axes or pyplot("plan.plot").subplots(figsize=(7.0, 5.0), layout="constrained")[1]
     draw(axes, drawn.space.scene, drawn.time)
+    numbers(axes, drawn.space, drawn.time)
     predicted(axes, drawn.movers, drawn.time)
     _samples(drawn, axes, samples)
     by = drawn.weights()
     labels = [f"{formatting.turns(id)}: {formatting.share(by[id]) if id in by else '-'}" for id in drawn.ids]
     lines = [one.trajectory.points for one in drawn.references]
-    classes(axes, lines[: len(labels)], labels[: len(lines)], title="class: weight")
+    colors = ClassColors(drawn.ids)
+    hues = [colors[id] for id in drawn.ids]
+    classes(axes, lines[: len(labels)], labels[: len(lines)], hues[: len(lines)], title="class: weight")
     axes.plot(*drawn.state[:2], "o", ms=5, color=INK, zorder=6)
     if len(drawn.control) == 2:
         look = {"arrowprops": {"arrowstyle": "-|>", "lw": 1.4, "color": INK}, "zorder": 6}
@@ -92,21 +106,41 @@ def edges(axes: Any, tree: HomologyTree, color: str, *, width: float, opacity: f
     tails = np.flatnonzero(graph.nodes[:size] > 0)
     costs = np.where(np.arange(graph.cost.shape[1]) < graph.nodes[tails, None], graph.cost[tails], np.inf)
     taken = graph.parent[tails, np.argmin(costs, axis=1)]
-    tails, heads = tails[taken >= 0], graph.head[taken[taken >= 0]]
+    tails = tails[taken >= 0]
+    heads = graph.head[taken[taken >= 0]]
+
     if len(tails):
         paths = tree.steering.connect(tree.states[tails], tree.states[heads])
         _lines(axes, paths.points(SPACING), color, width=width, opacity=opacity, zorder=zorder)
 
 
 def classes(
-    axes: Any, lines: Sequence[Array], labels: Sequence[str], colors: Sequence[Color] = PALETTE, **legend: Any
+    axes: Any, lines: Sequence[Array], labels: Sequence[str], colors: Sequence[Color], **legend: Any
 ) -> None:  # fmt: skip
-    """Draw one polyline (k, 2) [m] per class with a label each in a legend, the first on top."""
-    for place, (line, label) in enumerate(zip(lines, labels, strict=True)):
-        look = {"color": rgb(colors[place % len(colors)]), "lw": 2.2, "zorder": 4.0 - 1e-3 * place}
-        axes.plot(line[:, 0], line[:, 1], label=label, **look)
+    """Draw one polyline (k, 2) [m] per class, side by side where they coincide, with colours and labels."""
+    per_point = float(np.ptp(axes.get_xlim())) / (72.0 * axes.get_window_extent().width / axes.figure.dpi)
+    shown = side_by_side(lines, LINE * per_point)
+    for place, (line, label, color) in enumerate(zip(shown, labels, colors, strict=True)):
+        axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=LINE, zorder=4.0 - 1e-3 * place)
     if labels:
         axes.legend(**LEGEND, **legend)
+
+
+def numbers(axes: Any, space: FreeSpace, time: float) -> None:
+    """Write the numbers by which classes name obstacles, moving ones where they are at a time [s]."""
+    places = [*space.homology.markers]
+    if len(space.scene.movers) == space.homology.J:  # else one has parts with a number each
+        places += [mover.motion.pose(time)[:2] for mover in space.scene.movers]
+    tags(axes, places, [str(number) for number in range(1, len(places) + 1)])
+
+
+def tags(axes: Any, places: Iterable[Array], texts: Sequence[str]) -> None:
+    """Write a text at each of several places (2,) [m], to be read on obstacles as on the floor."""
+    from matplotlib.patheffects import withStroke
+
+    look = {"color": "white", "fontsize": 8, "ha": "center", "va": "center", "zorder": 5}
+    for (x, y), text in zip(places, texts, strict=True):
+        axes.text(x, y, literal(text), path_effects=[withStroke(linewidth=1.8, foreground=WALL)], **look)
 
 
 def _lines(axes: Any, lines: Sequence[Array], color: str, *, width: float, opacity: Any, zorder: float) -> None:
@@ -142,7 +176,8 @@ def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
     axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
     margin = 0.02 * float((scene.upper - scene.lower).max())
-    (left, low), (right, high) = scene.lower - margin, scene.upper + margin
+    left, low = scene.lower - margin
+    right, high = scene.upper + margin
     axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
 
 
@@ -174,22 +209,19 @@ def outlined(axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *,
 
 def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: Sequence[Reference]) -> None:
     """Write a map with obstacles, tree and the reference of every class."""
-    from matplotlib.patheffects import withStroke
-
     scene = scenario.loaded.scene
     wide, high = scene.upper - scene.lower
     axes = pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8)).subplots()
     draw_scene(axes, scenario)
-    look = {"fontsize": 8, "color": "white", "path_effects": [withStroke(linewidth=1.8, foreground=WALL)]}
-    for (x, y), label in zip(scenario.space.homology.markers, labels(scenario.names), strict=True):
-        axes.text(x, y, literal(label), ha="center", va="center", zorder=5, **look)
+    tags(axes, scenario.space.homology.markers, labels(scenario.names))  # moving ones bear their names
     edges(axes, tree, "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors(reference.id for reference in references)
     sides = [wrap(literal(", ".join(words)), WIDE) for words in passing(references, tree.homology, scenario.names)]
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     rows = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
-    lines, hues = [r.trajectory.points for r in references], [colors[r.id] for r in references]
+    lines = [r.trajectory.points for r in references]
+    hues = [colors[r.id] for r in references]
     classes(axes, lines, rows, hues, title="class: cost", ncols=1 + "\n".join(rows).count("\n") // HIGH)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
@@ -202,10 +234,12 @@ def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], ref
     axes = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained").subplots()
     colors = ClassColors(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
-    iterations, end = convergence["iterations"], convergence["iterations"][-1]
+    iterations = convergence["iterations"]
+    end = convergence["iterations"][-1]
     shown = [name for name in final if name in convergence["lengths"]][:SHOWN]
     for name in shown:
-        lengths, look = np.array(convergence["lengths"][name]), {"color": rgb(colors[name]), "lw": 1.6}
+        lengths = np.array(convergence["lengths"][name])
+        look = {"color": rgb(colors[name]), "lw": 1.6}
         label = f"{title(name)}: {lengths[-1]:.2f} m, shortened {final[name]:.2f}"
         lengths = np.where(np.isfinite(lengths), lengths, np.nan)
         axes.step(iterations, lengths, where="post", label=label, **look)

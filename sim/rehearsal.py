@@ -4,6 +4,7 @@ As a program, `python -m sim.rehearsal` compiles for a command that compiles at 
 it reads, a scene and options of a run, it first makes what the command needs last. It ends with its standard input.
 """
 
+import gc
 import os
 import pickle
 import subprocess
@@ -76,10 +77,13 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
 
 def compile_last(scene: str | Path, given: Mapping[str, Any]) -> None:
     """Compile for a run what samples need, then the rest: whoever plans meanwhile comes to them last."""
-    small = small_of(prepare(scene, given=given, room=room_of))
+    small, path = small_of(prepare(scene, given=given, room=room_of)), np.zeros((2, 3))
     if small.settings.method not in TREELESS:
         integral = path_integral(small.problem, small.space, small.sampling, homology=small.homology)
-        integral.warm_up(optima=False)  # when others plan, they need those next
+        small.homology.along(path)
+        if small.homology.J:
+            small.homology.winding(path)
+        integral.warm_up(optima=False)  # when others plan, they need the optima next
         integral.warm_up()
     rehearse(small, driving=True)
 
@@ -109,4 +113,5 @@ def _end_with_input() -> None:
 if __name__ == "__main__":
     task = pickle.load(sys.stdin.buffer)
     Thread(target=_end_with_input, daemon=True).start()
+    gc.disable()  # collecting takes a tenth of the time, and the end of the process frees all
     compile_last(*task)

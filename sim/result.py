@@ -68,7 +68,9 @@ def convergence_json(
     Returns:
         iterations of Algorithm 1 (random states drawn) and vertices at each note, and lengths by class, shortest first.
     """
-    counts, notes = [(tree.draws, tree.size)], [tree.lengths(x)]
+    counts = [(tree.draws, tree.size)]
+    notes = [tree.lengths(x)]
+
     while tree.size < vertices:
         before = tree.size
         tree.grow(min(vertices, before + every), progress=progress)

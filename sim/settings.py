@@ -14,6 +14,7 @@ import numpy as np
 from pirrht.control.settings import BETWEEN, METHODS, TREELESS
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
+from sim.text import suggestion
 
 DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
 SINGLE = ("plan", "run", "play", "estimate")  # those that take one method, noise and seed
@@ -64,13 +65,17 @@ class Option:
         """The value in its own type; OptionError where the option, in messages `label`, cannot have it."""
         label = label or self.flag
         if self.choices and value not in self.choices:
-            raise OptionError(f"{label} is {value!r}; it must be one of {', '.join(self.choices)}")
+            raise OptionError(
+                f"{label} is {value!r}{suggestion(value, self.choices)}; it must be one of {', '.join(self.choices)}"
+            )
         if self.bounds is None:
             return value
         return self._number(value, label) if self.count is None else [self._number(one, label) for one in value]
 
     def _number(self, value: Any, label: str) -> Any:
-        (low, high), whole = self.bounds or PLACES, self.kind is int
+        low, high = self.bounds or PLACES
+        whole = self.kind is int
+
         with suppress(TypeError):  # it is no number
             if (low <= value <= high and not (whole and value % 1)) or (self.infinite and value == math.inf):
                 return int(value) if whole else value
@@ -97,7 +102,8 @@ def options_of_record(record: type, role: str, group: str) -> tuple[Option, ...]
     """The options that the fields of a record state."""
     found = []
     for one in fields(record):
-        kind, name = _KINDS.get(str(one.type).split(" ")[0], str), one.name.replace("_", "-")
+        kind = _KINDS.get(str(one.type).split(" ")[0], str)
+        name = one.name.replace("_", "-")
         numeric = kind in (int, float) and "count" not in one.metadata and (role == "scene" or one.default is not None)
         more = {"name": f"no-{name}" if one.default is True else name, "group": group, "kind": kind, **one.metadata}
         found.append(Option(attribute=one.name, role=role, numeric=numeric, **more))
@@ -116,8 +122,8 @@ class SceneOptions:
                          "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
-                                  unset="the scene's, or three standard deviations of the noise in 0.01 s, and in "
-                                        "narrow passages less: a quarter of their clearance")
+                                  unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
+                                        "narrow passages")
     start: Sequence[float] | None = stated(None, "start at X Y [m], and TH [rad] of a robot with a heading", "X",
                                            count="+", unset="the scene's")
     goal: Sequence[float] | None = stated(None, "disc around X Y with radius R [m]", ("X", "Y", "R"), count=3,
@@ -174,7 +180,8 @@ class Settings:
     horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
     mppi_terminal: str = one_of(("path", "straight"), "mppi: cost after its horizon by the shortest path or the "
                                 "straight line")
-    exploration: float = stated(1.0, "mppi: noise of its samples, as a multiple of the robot's", "X", (1e-3, 1e3))
+    exploration: float = stated(1.25, "mppi: noise of its samples, as a multiple of the robot's; with more it collides "
+                                "less often, at more cost", "X", (1e-3, 1e3))
     predict: str = one_of(("known", "velocity"), "motions of obstacles: known, or predicted by constant velocity")
     speed_limit: float = stated(0.0, "speed limit among moving obstacles; 0: five times the best speed", "M/S",
                                 (0.0, 1e3))
@@ -194,7 +201,11 @@ class Settings:
 
     def __post_init__(self) -> None:
         _check(self, BY_SETTING)
-        grow, length, most = self.grow or 0, self.max_time / self.period, (BY_SETTING["vertices"].bounds or PLACES)[1]
+
+        grow = self.grow or 0
+        length = self.max_time / self.period
+        most = (BY_SETTING["vertices"].bounds or PLACES)[1]
+
         size = self.vertices + grow * length
         for wrong, message in (
             (self.budget is not None and (self.target_error is None or self.budget < self.samples),

@@ -22,6 +22,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, PirrhtError, one_line
 from sim.settings import BY_SETTING, PRESETS, SPECIAL, Settings
+from sim.text import suggestion
 
 LONGEST = 200  # characters of a reason that numba gives
 _PLACES = re.compile(r'File "([^"\n]+)", line (\d+)|Raised from ([^\n]+) \((\d+)\)')  # as numba names them
@@ -91,7 +92,8 @@ class System:
         if name is None:
             return {}
         if name not in PRESETS:
-            raise OptionError(f"--preset is {name!r}; it must be one of {', '.join(PRESETS)}")
+            like = suggestion(name, PRESETS)
+            raise OptionError(f"--preset is {name!r}{like}; it must be one of {', '.join(PRESETS)}")
         _, fixed, factors = PRESETS[name]
         own = {"samples": self.paper_samples} if name == "paper" else {}
         return {**fixed, **own, **{one: round(by * getattr(self.settings, one)) for one, by in factors.items()}}
@@ -266,7 +268,8 @@ def chosen(which: str | System) -> System:
     module, _, name = str(which).partition(":")
     if not (module and name):
         known = ", ".join(_known)
-        raise OptionError(f"--system is {which!r}; write MODULE:NAME, as in my_module:BOAT, or one of {known}")
+        like = suggestion(which, _known)
+        raise OptionError(f"--system is {which!r}{like}; write MODULE:NAME, as in my_module:BOAT, or one of {known}")
     folder = os.getcwd()
     importlib.invalidate_caches()
     sys.path.insert(0, folder)
@@ -292,7 +295,8 @@ def chosen(which: str | System) -> System:
 
 def _why(error: BaseException, module: str, name: str, folder: str) -> str:
     """Return why a module cannot be imported, and what to do about it."""
-    file, missing = Path(module), isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
+    file = Path(module)
+    missing = isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
     places = [f" (line {at.lineno} of {at.filename})" for at in _theirs(error, {Path(folder).resolve()})]
     if missing and (file.suffix == ".py" or os.sep in module):
         return f"{file.name} is a file, not a module; in its folder, write --system {file.stem}:{name}"

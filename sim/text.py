@@ -1,6 +1,7 @@
 """Text for people: numbers with their nouns, lines, tables."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 
 from pirrht.errors import printable
 
@@ -8,6 +9,12 @@ from pirrht.errors import printable
 def counted(number: int, noun: str, plural: str = "") -> str:
     """A number and what it counts, as in 1 run and 2 runs; `plural` where it is no mere s."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def suggestion(word: object, known: Iterable[str]) -> str:
+    """A question in brackets for the known word that a word is most like; empty if it is like none."""
+    near = get_close_matches(str(word), [*known], 1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def say(text: str) -> None:

@@ -76,7 +76,8 @@ def load(
             )
     try:
         bits = np.random.PCG64()
-        bits.state, limits = about["rng"], {"limit": float(known["limit"]), "classes": int(known["classes"])}
+        bits.state = about["rng"]
+        limits = {"limit": float(known["limit"]), "classes": int(known["classes"])}
         tree = HomologyTree(space, steering, **limits, rng=np.random.Generator(bits))  # type: ignore[arg-type]
         tree.draws = int(about["draws"])
         _restore(tree, arrays)
@@ -111,7 +112,8 @@ def _read(file: str | BinaryIO, name: str) -> tuple[dict[str, Any], Arrays]:
                 raise ValueError("it unpacks to more than a tree has")
             arrays = dict(content)
         about = json.loads(str(arrays.pop("about")))
-        known, version = about["format"], about["version"]
+        known = about["format"]
+        version = about["version"]
     except Exception:  # of whatever kind, in words of NumPy's that help nobody here
         raise OptionError(f"{name} is no tree of pirrht; make one with `pirrht plan`") from None
     if known not in range(1, TREE_FORMAT + 1):
@@ -130,10 +132,13 @@ def _sizes(tree: HomologyTree, V: int, E: int, P: int) -> dict[str, int]:
 def _restore(tree: HomologyTree, arrays: Arrays) -> None:
     """Give a tree the vertices and edges of arrays, and search for its nodes; ValueError if they are of no tree."""
     V, E, P = (len(arrays[name]) for name in ("in_goal", "tail", "edge_marker"))
-    sizes, first = _sizes(tree, V, E, P), arrays["edge_first"]
+    sizes = _sizes(tree, V, E, P)
+    first = arrays["edge_first"]
     tree.storage = Storage(tree.steering.n, tree.homology.M, tree.classes)
     for name, letters in KEPT.items():
-        array, like = arrays[name], getattr(tree.graph, name)
+        array = arrays[name]
+        like = getattr(tree.graph, name)
+
         if array.shape != (sizes[letters[0]], *like.shape[1:]) or array.dtype != like.dtype:
             raise ValueError(f"{name} has the shape {array.shape} of {array.dtype}")
         if len(letters) > 1 and np.any((array < 0) | (array >= sizes[letters[1]])):

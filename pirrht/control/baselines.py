@@ -45,7 +45,9 @@ def follow_best(
     problem: Problem, estimate: Estimate, batch: Batch, memory: ClassMemory, consistency: float
 ) -> Estimate:  # fmt: skip
     """Return the estimate by the best class alone, the one followed so far valued `consistency` times as much."""
-    ids, values = list(batch.classes.values()), class_values(problem, estimate)
+    ids = list(batch.classes.values())
+    values = class_values(problem, estimate)
+
     if memory.followed in ids:
         values[ids.index(memory.followed)] *= consistency
     best = int(np.argmin(values[: len(ids)]))

@@ -86,7 +86,12 @@ class Brake:
     def _tried(self, law: Law, x: Array, space: FreeSpace, now: float) -> Halt:
         """Simulate a law without noise."""
         d, s = self.problem.dynamics, self.settings
-        times, still, controls, states = np.arange(round(s.horizon / s.step) + 1) * s.step, np.zeros(d.m), [], [x]
+
+        times = np.arange(round(s.horizon / s.step) + 1) * s.step
+        still = np.zeros(d.m)
+        controls = []
+        states = [x]
+
         for time in times[:-1]:
             controls.append(law(states[-1], time))
             states.append(d.step(states[-1], controls[-1], still, s.step))

@@ -83,7 +83,11 @@ class Controller(Policy):
         """Replace problem, space and tree."""
         validate(tree, problem, sampling, self.settings)
         own = homology_of(problem, space) if tree is None else tree.homology
-        self.tree, self.homology, self.brake = tree, homology or own, Brake(problem=problem)
+
+        self.tree = tree
+        self.homology = homology or own
+        self.brake = Brake(problem=problem)
+
         self.path_integral = path_integral(problem, space, sampling, homology=self.homology, backend=backend)
         self.proposals = ProposalBuilder(integral=self.path_integral, settings=self.settings, propose=propose)
 

@@ -42,11 +42,16 @@ def shortest_paths(space: FreeSpace) -> Remaining:
     from scipy.ndimage import distance_transform_edt
 
     scene = space.scene
-    lower, goal, span = scene.lower.astype(float), scene.goal, (scene.upper - scene.lower).astype(float)
+
+    lower = scene.lower.astype(float)
+    goal = scene.goal
+    span = (scene.upper - scene.lower).astype(float)
+
     spacing = max(TUNING.path_radii * scene.robot_radius, math.sqrt(float(np.prod(span)) / TUNING.path_points))
     points = lower + spacing * lattice(*(np.ceil(span / spacing - 1e-9).astype(int) + 1))
     shape = points.shape[:2]
-    free, away = np.empty(math.prod(shape)), np.hypot(*np.moveaxis(points - goal.center, -1, 0)) - goal.radius
+    free = np.empty(math.prod(shape))
+    away = np.hypot(*np.moveaxis(points - goal.center, -1, 0)) - goal.radius
     clearances(space.field, points.reshape(-1, 2), free)
     passable = free.reshape(shape) > -0.5 * spacing  # so that no passage falls between the points
     known = passable & (away < 2.0 * spacing)
@@ -87,15 +92,21 @@ def sweep(length, passable, spacing):  # type: ignore[no-untyped-def]
     nx, ny = length.shape
     changed, corner = 4, 0  # changed: sweeps that are left before all four corners have changed nothing
     while changed > 0:
-        changed, right, up = changed - 1, corner % 2 == 0, corner < 2
+        changed = changed - 1
+        right = corner % 2 == 0
+        up = corner < 2
+
         for row in range(1, nx - 1):
             i = row if right else nx - 1 - row
             for column in range(1, ny - 1):
                 j = column if up else ny - 1 - column
                 if not passable[i, j]:
                     continue
-                a, b = min(length[i - 1, j], length[i + 1, j]), min(length[i, j - 1], length[i, j + 1])
-                low, gap = min(a, b), abs(a - b)
+                a = min(length[i - 1, j], length[i + 1, j])
+                b = min(length[i, j - 1], length[i, j + 1])
+                low = min(a, b)
+                gap = abs(a - b)
+
                 if low == math.inf:
                     continue
                 new = low + spacing

@@ -48,7 +48,11 @@ class HeldLaw:
         near = NEAR_WALL * self.deviation
         if c > near:
             return u
-        most, away, gap = THROW * self.deviation, np.array([nx, ny]), nx * mx + ny * my < -0.5
+
+        most = THROW * self.deviation
+        away = np.array([nx, ny])
+        gap = nx * mx + ny * my < -0.5
+
         if gap:
             most = min(most, max(0.5 * (d - c), 0.0))
         G = self.walls.problem.dynamics.G_c(x)[:2]
@@ -60,8 +64,11 @@ class HeldLaw:
                 if row[0] <= c + SAME:
                     rest -= self.step * float(row[3:5] @ away)
             wanted -= min(rest, 0.0) * (1.0 - max(c, 0.0) / near)
-        wanted, along = min(wanted, most), self.step * (G @ u) - thrown * away
-        change, far = (wanted - thrown) * away, math.hypot(along[0], along[1])
+        wanted = min(wanted, most)
+        along = self.step * (G @ u) - thrown * away
+        change = (wanted - thrown) * away
+        far = math.hypot(along[0], along[1])
+
         if far > THROW * self.deviation:  # a law that is rough at walls
             change += (THROW * self.deviation / far - 1.0) * along
         return u + np.linalg.pinv(G) @ change / self.step if change.any() else u

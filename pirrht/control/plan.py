@@ -96,7 +96,9 @@ class Plan:
         which = f"{len(self.ids)} classes" if len(self.ids) != 1 else "1 class"
         weight = self.weights().get(favourite := self.favourite or "")
         most = f", most weight {formatting.turns(favourite)} ({formatting.share(weight)})" if weight is not None else ""
-        at, control = formatting.vector(self.state), formatting.vector(self.control)
+        at = formatting.vector(self.state)
+        control = formatting.vector(self.control)
+
         return f"Plan(at {at}: control {control}, {value}, {which}{most})"
 
     def weights(self) -> dict[str, float]:
@@ -185,7 +187,11 @@ class ClassMixture:
     """Control at any state near a plan's, u(x) = sum_c w_c(x) u_c(x), by laws of C classes and wall drift."""
 
     def __init__(self, *, problem: Problem, state: Array, classes: Mapping[str, ClassLaw], push: Law) -> None:
-        self.problem, self.state, self.classes, self.push = problem, state, classes, push
+        self.problem = problem
+        self.state = state
+        self.classes = classes
+        self.push = push
+
         d = problem.dynamics
         self._known = np.array([law.log_psi for law in classes.values()])
         self._free = self._controls(state, 0.0)  # at the state of the plan
@@ -210,7 +216,10 @@ class ClassMixture:
 
     def _at(self, x: Array, s: float) -> tuple[Array, Array]:
         """Return log psi (C,) and control (C, m) of the classes."""
-        d, carried, free = self.problem.dynamics, self.state.copy(), self._controls(x, s)
+        d = self.problem.dynamics
+        carried = self.state.copy()
+        free = self._controls(x, s)
+
         carried[-d.rows :] += s * self._drift
         controls = free + self.push(x, s)
         # The rise of log psi per control of a class by moving to x, less drift, (m,).
@@ -236,7 +245,11 @@ def pooled(
     for name, weight in estimate.class_weights.items():
         if weight <= 0.0:
             continue
-        lead, control, log_psi = leads.get(name), estimate.class_controls[name], estimate.log_psi + np.log(weight)
+
+        lead = leads.get(name)
+        control = estimate.class_controls[name]
+        log_psi = estimate.log_psi + np.log(weight)
+
         old = laws.get(name)
         if name not in leads and old is not None:  # its guide, if it has one, is of an earlier plan
             new = replace(old, log_psi=float(log_psi), rest=control - old.guided(x, 0.0), unseen=0.0)
@@ -261,9 +274,13 @@ def _carried(
     tuning: ControlTuning,
 ) -> dict[str, ClassLaw]:  # fmt: skip
     """Return the laws of an earlier mixture at x (n,), less those whose gradient is no longer known."""
-    laws, log_psi = dict[str, ClassLaw](), before.log_psi(x, elapsed)
+    laws = dict[str, ClassLaw]()
+    log_psi = before.log_psi(x, elapsed)
+
     for name, old in before.classes.items():
-        lead, unseen = leads.get(name), old.unseen + elapsed
+        lead = leads.get(name)
+        unseen = old.unseen + elapsed
+
         if unseen > tuning.stale:
             continue
         law = replace(old, log_psi=log_psi[name] - elapsed / tuning.memory, age=old.age + elapsed, unseen=unseen)

@@ -51,14 +51,21 @@ class ClassMemory:
 
     def forget(self) -> None:
         """Forget guides and samples, but no path."""
-        self.optima, self.fits, self.sampled = {}, {}, set()
+        self.optima = {}
+        self.fits = {}
+        self.sampled = set()
+
         self.allocation, self.mixture = Allocation(), None
 
     def renamed(self, heirs: Mapping[ClassFromStart, ClassFromStart], names: Mapping[str, str]) -> ClassMemory:
         """Return what remains among other obstacles, by present classes of paths that are free, and their names."""
         allocation = Allocation(kept(self.allocation.contribution, names), kept(self.allocation.shares, names))
         sampled = {heirs[one] for one in self.sampled & heirs.keys()}
-        paths, optima, followed = kept(self.paths, heirs), kept(self.optima, heirs), names.get(self.followed or "")
+
+        paths = kept(self.paths, heirs)
+        optima = kept(self.optima, heirs)
+        followed = names.get(self.followed or "")
+
         return ClassMemory(paths, optima, kept(self.fits, heirs), sampled, allocation, followed=followed)
 
 
@@ -118,11 +125,15 @@ class RunState:
     def passed(self, duration: float) -> None:
         """Let time [s] pass."""
         self.queried, self.time = None, self.time + duration
-        self.since_plan, self.since_estimate = self.since_plan + duration, self.since_estimate + duration
+        self.since_plan = self.since_plan + duration
+        self.since_estimate = self.since_estimate + duration
 
     def set_prediction(self, after: Prediction, x: Array) -> None:
         """Continue from x (n,) under another prediction; the class of the path ahead keeps its name."""
-        before, offset, path = self.prediction, np.zeros(0), np.array([[*x[:2], self.time]])
+        before = self.prediction
+        offset = np.zeros(0)
+        path = np.array([[*x[:2], self.time]])
+
         if before is not None:
             if self.favourite is not None:
                 path = np.vstack([path, self.favourite[self.favourite[:, 2] > self.time]])

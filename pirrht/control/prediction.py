@@ -41,7 +41,12 @@ class ConstantVelocity:
         self, space: FreeSpace, steering: InTime, grown: Callable[[FreeSpace], HomologyTree] | None, *, vertices: int,
         tuning: ControlTuning = TUNING,
     ) -> None:  # fmt: skip
-        self.space, self.steering, self.grown, self.vertices, self.tuning = space, steering, grown, vertices, tuning
+        self.space = space
+        self.steering = steering
+        self.grown = grown
+        self.vertices = vertices
+        self.tuning = tuning
+
         self.horizon = tuning.crossings * float(np.hypot(*(space.scene.upper - space.scene.lower))) / steering.pace
         self._passages: Passages | None = None
         self._shapes: FreeSpace | None = None
@@ -59,7 +64,8 @@ class ConstantVelocity:
             if self._shapes is None:
                 self._shapes = self.space.with_movers(movers)  # FCL's of its own: a run queries the scene's
             space = replace(self._shapes, scene=replace(self.space.scene, start=start)).with_prediction(movers)
-            homology, tree = self.steering.homology(space), self._tree(space, enough)
+            homology = self.steering.homology(space)
+            tree = self._tree(space, enough)
             self._last = Prediction(space=space, homology=homology, tree=tree, since=seen)
         return self._last
 
@@ -84,7 +90,8 @@ class ConstantVelocity:
 
 def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
     """Return an obstacle of constant velocity from a time on, up to the horizon [s], on a clock that starts then."""
-    pose, velocity = np.array(mover.motion.pose_at(time)), mover.motion.velocity(time)
+    pose = np.array(mover.motion.pose_at(time))
+    velocity = mover.motion.velocity(time)
     rows = np.array([[0.0, *pose], [horizon, *(pose + horizon * velocity)]])
     return replace(mover, motion=Motion(rows=rows))
 

@@ -169,25 +169,31 @@ def weigh(
     estimate of psi, even if they depend on earlier parts. NoSurvivingSample: no sample has any weight.
     """
     paths, log_weight, first = all_samples(parts)
-    top, H = float(log_weight.max()), len(parts[0].tables.first) - 1
+    top = float(log_weight.max())
+    H = len(parts[0].tables.first) - 1
+
     if not np.isfinite(top):
         lost = [int(np.sum(paths.outcome == one)) for one in (Outcome.COLLISION, Outcome.TIMEOUT)]
         raise NoSurvivingSample(collisions=lost[0], timeouts=lost[1])
     relative = np.exp(log_weight - top)
     total = float(relative.sum())
-    weight, log_psi = relative / total, top + float(np.log(total)) - float(np.log(len(log_weight)))
-    keys, names = [*(classes or {})], [*(classes or {}).values(), OTHER]
+    weight = relative / total
+    log_psi = top + float(np.log(total)) - float(np.log(len(log_weight)))
+    keys = [*(classes or {})]
+    names = [*(classes or {}).values(), OTHER]
     group = np.full(len(weight), len(keys))  # class of each sample
     for g, key in enumerate(keys):
         group[paths.key == key] = g
     times_weight = (np.ones(()), weight, paths.span, *paths.now.T)
     shares, squares, spans, *sums = (np.bincount(group, weight * one, len(names)) for one in times_weight)
     ess = shares**2 / np.maximum(squares, 1e-300)
-    controls, span = np.stack(sums, axis=1), max(float(spans.sum()), 1e-300)
+    controls = np.stack(sums, axis=1)
+    span = max(float(spans.sum()), 1e-300)
     control = controls.sum(axis=0) / span
     # Terms of psi and, to first order (delta method), of the control.
     terms = np.column_stack([weight, weight[:, None] * (paths.now - paths.span[:, None] * control)])
-    errors, total_ess = deviation(terms, first, parts[0].tables.mirrored), float(1.0 / np.sum(weight**2))
+    errors = deviation(terms, first, parts[0].tables.mirrored)
+    total_ess = float(1.0 / np.sum(weight**2))
     control_error = errors[1:] / span
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
     free, unresolved = walls.corrected_control(control, np.einsum("s,sm->m", weight, paths.start_control))
@@ -223,7 +229,10 @@ def _excess(
     (`shrinkage`). A few heavy samples agree by chance: an error is at least the deviation of one around its law over
     the root of the effective number. Classes of samples that follow no law (nan) are left alone.
     """
-    (first, ess, parts), m, no_law = known, laws.shape[1], np.isnan(laws[:, 0])
+    first, ess, parts = known
+    m = laws.shape[1]
+    no_law = np.isnan(laws[:, 0])
+
     noise = np.where(no_law[:, None], 0.0, paths.now - paths.span[:, None] * laws)
     squares = max(float(np.sum(paths.span[~no_law] ** 2)), 1e-300)
     single = np.sqrt(np.sum(noise**2, axis=0) / squares)
@@ -254,30 +263,36 @@ class Allocation:
             [nats]; whether each is worth more than the fewest samples, (H,).
         """
         t, chosen = self.tuning, [k for k in range(len(names)) if worth[k] or not any(worth)]
-        fewest, least = min(samples, t.fewest), min(samples, max(t.fewest, math.ceil(t.least_share * samples)))
+        fewest = min(samples, t.fewest)
+        least = min(samples, max(t.fewest, math.ceil(t.least_share * samples)))
         known = [self.contribution[names[k]] for k in chosen if names[k] in self.contribution]
-        usual, promise = np.mean(known) if known else 0.0, np.asarray(predicted)[chosen]
+        usual = np.mean(known) if known else 0.0
+        promise = np.asarray(predicted)[chosen]
         raw = np.ones(len(chosen))
         if usual > 0.0:
             raw = np.array([self.contribution.get(names[k], usual) for k in chosen])
         elif np.isfinite(promise).all():
             raw = np.exp(promise - promise.max())
         exact = least + (samples - least) * len(chosen) * raw / raw.sum()
-        number, counts = np.floor(exact), np.full(len(names), fewest)
+        number = np.floor(exact)
+        counts = np.full(len(names), fewest)
         number[np.argsort(number - exact, kind="stable")[: samples * len(chosen) - int(number.sum())]] += 1
         counts[chosen] = number
         return [int(n) for n in counts]
 
     def split(self, proposals: Sequence[Proposal], others: Callable[[int], list[ProposalControl]]) -> list[Proposal]:
         """Divide the samples of the k-th class between its proposal and `others(k)`."""
-        first, more = [], []
+        first = []
+        more = []
         few = min(PROPOSALS.few, max((one.count for one in proposals), default=0) - 1)
         for k, one in enumerate(proposals):
             added = others(k) if one.count > few else []  # so few samples can hardly carry weight
             shares = self.shares.get(one.name, np.empty(0))
             if len(shares) != len(added) + 1:
                 shares = np.full(len(added) + 1, 1.0 / (len(added) + 1))
-            counts, left = [], one.count - 1
+            counts = []
+            left = one.count - 1
+
             for share in shares[1:]:
                 counts.append(min(round(share * one.count), left))
                 left -= counts[-1]

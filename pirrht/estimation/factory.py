@@ -43,7 +43,12 @@ class ProposalFactory:
         self, problem: Problem, space: FreeSpace, sampling: Sampling, world: PredictedWorld,
         tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
-        self.problem, self.space, self.sampling, self.world, self.tuning = problem, space, sampling, world, tuning
+        self.problem = problem
+        self.space = space
+        self.sampling = sampling
+        self.world = world
+        self.tuning = tuning
+
         d, feedback = problem.dynamics, sampling.guide == "feedback"
         start = d.state_of(problem.scene.start)
         self.is_martingale = kind_of(problem, world.setup.world.moving.kernels).is_martingale
@@ -66,7 +71,7 @@ class ProposalFactory:
         x = self.problem.dynamics.state_of(self.problem.scene.start)
         if optima and self.guidance is not None:
             self.guidance.warm_up(x)
-        if self.climbs_too:
+        if self.climbs or self.climbs_too:
             self.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
         clearance(self.space.field, x[0], x[1])
 
@@ -161,9 +166,17 @@ class ProposalFactory:
         return tables._replace(first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64))
 
     def _packed(self, batch: Batch) -> ProposalTables:
-        (setup, homology), x, times, d = self.world.snapshot, batch.state, batch.times, self.problem.dynamics
+        setup, homology = self.world.snapshot
+        x = batch.state
+        times = batch.times
+        d = self.problem.dynamics
+
         guidance, drifts = self.guidance, self.climbs or (self.guidance is not None and self.guidance.gated)
-        H, T, m = len(batch.proposals), len(times) - 1, d.m
+
+        H = len(batch.proposals)
+        T = len(times) - 1
+        m = d.m
+
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
         scales, moving = self.scales(x), self.world.moving
         near = np.inf
@@ -211,7 +224,8 @@ def _bends(line: Array, most: float) -> Array:
     """Simplify a line (k, 2) [m] to corners (j, 2) that it is off by `most` [m] at most."""
     if len(line) < 3:
         return line
-    along, away = line[-1] - line[0], line[1:-1] - line[0]
+    along = line[-1] - line[0]
+    away = line[1:-1] - line[0]
     off = np.abs(along[0] * away[:, 1] - along[1] * away[:, 0]) / max(float(np.hypot(*along)), most)
     i = int(np.argmax(off)) + 1
     if off[i - 1] <= most:

@@ -93,7 +93,8 @@ def collision_probability(
             per_exposure[paths.key == code] = offset(step, own / noise)
     arrived = np.where(paths.outcome == Outcome.GOAL, log_weight, -np.inf)
     goal_value = problem.temperature * (math.log(len(arrived)) - float(np.logaddexp.reduce(arrived)))
-    weight, ended = normalised(log_weight)[0], paths.outcome == Outcome.COLLISION
+    weight = normalised(log_weight)[0]
+    ended = paths.outcome == Outcome.COLLISION
     held = np.where(ended, 0.0, per_exposure * paths.exposure)
 
     def probabilities(chosen: BoolArray) -> tuple[float, float]:

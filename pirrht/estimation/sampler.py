@@ -59,7 +59,10 @@ class Replay(NamedTuple):
 
         Returns weight times control (G, T, m), the weight still under way (G, T), and effective sample sizes (G,).
         """
-        ess, weight, group = np.zeros(len(groups)), np.zeros(rollouts.size), np.full(rollouts.size, -1, dtype=np.int64)
+        ess = np.zeros(len(groups))
+        weight = np.zeros(rollouts.size)
+        group = np.full(rollouts.size, -1, dtype=np.int64)
+
         for g, mask in enumerate(groups):
             weight[mask], ess[g] = normalised(rollouts.log_weight[mask])
             group[mask] = g
@@ -125,7 +128,8 @@ class PathIntegral:
         """
         self.proposals.warm_up(optima=optima)
         d = self.problem.dynamics
-        x, times = d.state_of(self.problem.scene.start), np.arange(3.0)
+        x = d.state_of(self.problem.scene.start)
+        times = np.arange(3.0)
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
         rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
         self.estimate(replace(rollouts, log_weight=np.zeros(1)))  # whatever the outcome of the sample
@@ -143,14 +147,21 @@ class PathIntegral:
         plans follow each other more often than every dt, the first dt is therefore split (`Sampling.first_dt`).
         """
         dt = self.sampling.dt
-        steps, parts = max(1, int(np.ceil(horizon / dt))), max(1, round(dt / self.sampling.first_dt))
+        steps = max(1, int(np.ceil(horizon / dt)))
+        parts = max(1, round(dt / self.sampling.first_dt))
+
         return np.concatenate([np.arange(parts) * (dt / parts), np.arange(1, steps + 1) * dt])
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
-        setup, tables, x, m = self.setup, self.proposals.tables(batch), batch.state, self.problem.dynamics.m
+        setup = self.setup
+        tables = self.proposals.tables(batch)
+        x = batch.state
+        m = self.problem.dynamics.m
+
         origin = Origin(np.ascontiguousarray(x, dtype=float), np.uint64(seed), float(batch.time))
-        paths, rise = self.backend.sample(setup, tables, origin), np.zeros((len(batch.proposals), m))
+        paths = self.backend.sample(setup, tables, origin)
+        rise = np.zeros((len(batch.proposals), m))
         laws = None
         if self.guidance is not None:
             held = np.array([one.lead.held(x) for one in batch.proposals])
@@ -164,7 +175,8 @@ class PathIntegral:
         )
         ended, under_way = paths, np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
         if self.terminal_cost is not None and len(under_way) > 0:  # as if they had arrived
-            cost, outcome = paths.work.copy(), paths.outcome.copy()
+            cost = paths.work.copy()
+            outcome = paths.outcome.copy()
             cost[under_way] += self.terminal_cost(self.replay.trace(rollouts, under_way)[0][:, -1])
             outcome[under_way] = Outcome.GOAL
             ended = paths._replace(work=cost, outcome=outcome)
@@ -208,7 +220,10 @@ class PathIntegral:
                 if more < first:  # as few as that are not worth their overhead
                     break
                 draw(more)
-                drawn, begun, now = drawn + more, now, left()
+
+                drawn = drawn + more
+                begun = now
+                now = left()
         drawn, limit = 1.0, 16.0 if settings.budget is None else settings.budget / settings.samples
         while settings.target is not None and drawn < limit and not self._so_far(parts)[0] <= settings.target:
             more = min(drawn, limit - drawn)

@@ -29,7 +29,8 @@ def log_weights(problem: Problem, rule: str, paths: Paths, first: IntArray, part
             cost alone (Trevisan and Alonso-Mora, IEEE RA-L 2024): no estimate of psi.
         first: (H+1,) first sample of each reference; the last entry is S.
     """
-    number, S = np.diff(first), int(first[-1])
+    number = np.diff(first)
+    S = int(first[-1])
     outcome = paths.outcome[part]
     log_weight = paths.log_survival[part] - paths.work[part] / problem.temperature
     log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
@@ -79,7 +80,8 @@ def heavy(shape: float, count: int, tuning: EstimationTuning = TUNING) -> bool:
 
 def _pareto(x: Array) -> float:
     """Fit the shape of a generalised Pareto distribution to sorted values (m,) above its threshold."""
-    m, points = len(x), 30 + int(np.sqrt(len(x)))
+    m = len(x)
+    points = 30 + int(np.sqrt(len(x)))
     quarter = x[int(m / 4 + 0.5) - 1]
     grid = 1.0 / x[-1] + (1.0 - np.sqrt(points / (np.arange(1, points + 1) - 0.5))) / (3.0 * quarter)
     shape = np.mean(np.log1p(-grid[:, None] * x), axis=1)
@@ -98,9 +100,14 @@ def scatter(terms, first, step, outlying):  # type: ignore[no-untyped-def]
     a sum, larger ones are likely still unseen.
     """
     k = terms.shape[1]
-    variance, mean, largest = np.zeros(k), np.empty(k), np.zeros(k)
+
+    variance = np.zeros(k)
+    mean = np.empty(k)
+    largest = np.zeros(k)
+
     for h in range(first.shape[0] - 1):
-        begin, end = first[h], first[h + 1]
+        begin = first[h]
+        end = first[h + 1]
         number = (end - begin + step - 1) // step
         mean[:] = 0.0
         for s in range(begin, end if number > 1 else begin):
@@ -132,6 +139,7 @@ def shrinkage(mean: Array, error: Array) -> Array:
     most 1.5 error^2 (around 2.4 errors), and error^2 far off. The bias is towards zero: error^2 / mean far off, half an
     error at most (around 1.8 errors).
     """
-    known, shares = np.abs(mean) > error, np.zeros_like(mean)
+    known = np.abs(mean) > error
+    shares = np.zeros_like(mean)
     shares[known] = 1.0 - (error[known] / mean[known]) ** 2
     return shares

@@ -66,11 +66,14 @@ class Boundaries(NamedTuple):
 
 def surroundings_of(scene: Scene, frame: Frame, cutoff: float, wavenumber: float) -> Surroundings:
     """Gather what surrounds paths in a scene, for distances up to a cutoff [m] and k [1/m] of psi."""
-    pitch, rim = min(frame.radius, 1.0 / wavenumber) / 1024.0, wavenumber * frame.radius  # interpolation errs by 1e-7
+    pitch = min(frame.radius, 1.0 / wavenumber) / 1024.0  # interpolation errs by 1e-7
+    rim = wavenumber * frame.radius
+
     e = wavenumber * pitch * np.arange(4.0 + 3.0 * cutoff / pitch)
     around_goal = kve(0, rim + e) / kve(0, rim) * np.exp(-e)
-    static = Mover(name="static", solids=tuple(scene.obstacles), motion=Motion(rows=np.zeros((1, 4))))
-    every = static, *scene.movers
+    still = Motion(rows=np.zeros((1, 4)))
+    static = [Mover(name="static", solids=tuple(scene.obstacles), motion=still)] if scene.obstacles else []
+    every = *static, *scene.movers
     owner = np.repeat(np.arange(len(every)), [len(body.solids) for body in every])
     left, low, right, high = np.concatenate([scene.lower, scene.upper]).astype(float).tolist()
     solids = MovingObstacleArrays.around(scene.footprint, every, cutoff)
@@ -83,7 +86,8 @@ def poses_at(solids, t):  # type: ignore[no-untyped-def]
     out = np.empty((solids.J, 4))
     for j in range(solids.J):
         out[j, 0], out[j, 1], yaw, _, _, _, _ = piece_of(solids, j, t)
-        out[j, 2], out[j, 3] = math.cos(yaw), math.sin(yaw)
+        out[j, 2] = math.cos(yaw)
+        out[j, 3] = math.sin(yaw)
     return out
 
 
@@ -97,7 +101,11 @@ def clearance_from(surroundings, k, pose, x, y):  # type: ignore[no-untyped-def]
 @inlined
 def _in_body(pose, owner, x, y):  # type: ignore[no-untyped-def]
     """Return a point (x, y) in a body's own frame [m]."""
-    dx, dy, c, s = x - pose[owner, 0], y - pose[owner, 1], pose[owner, 2], pose[owner, 3]
+    dx = x - pose[owner, 0]
+    dy = y - pose[owner, 1]
+    c = pose[owner, 2]
+    s = pose[owner, 3]
+
     return c * dx + s * dy, c * dy - s * dx
 
 
@@ -132,14 +140,25 @@ def solids_near(surroundings, begin, end, x, y, cutoff):  # type: ignore[no-unty
 @kernel
 def patch_of(surroundings, later, near, begin, end, corners, margin):  # type: ignore[no-untyped-def]
     """Return the `Patch` of grid points from (i0, j0) to (i1, j1), end excluded, and a margin around them."""
-    i0, j0, frame = corners[0] - margin, corners[1] - margin, surroundings.frame
-    k, m = corners[2] - i0 + margin, corners[3] - j0 + margin
-    psi, ahead = np.zeros((k, m)), np.empty((SOLID + near.shape[0], k, m))
-    a0, b0, a1, b1 = max(i0, 0), max(j0, 0), min(i0 + k, later.shape[0]), min(j0 + m, later.shape[1])
+    i0 = corners[0] - margin
+    j0 = corners[1] - margin
+    frame = surroundings.frame
+
+    k = corners[2] - i0 + margin
+    m = corners[3] - j0 + margin
+    psi = np.zeros((k, m))
+    ahead = np.empty((SOLID + near.shape[0], k, m))
+
+    a0 = max(i0, 0)
+    b0 = max(j0, 0)
+    a1 = min(i0 + k, later.shape[0])
+    b1 = min(j0 + m, later.shape[1])
+
     base = later[a0:a1, b0:b1].max() if a0 < a1 and b0 < b1 else -math.inf
     for i in range(k):
         for j in range(m):
-            x, y = frame.x0 + (i0 + i) * frame.spacing, frame.y0 + (j0 + j) * frame.spacing
+            x = frame.x0 + (i0 + i) * frame.spacing
+            y = frame.y0 + (j0 + j) * frame.spacing
             _to_rows(surroundings, near, end, x, y, ahead[:, i, j])
             if base > -math.inf and a0 <= i0 + i < a1 and b0 <= j0 + j < b1:
                 psi[i, j] = math.exp(later[i0 + i, j0 + j] - base)
@@ -150,7 +169,13 @@ def patch_of(surroundings, later, near, begin, end, corners, margin):  # type: i
 def _to_rows(surroundings, near, pose, x, y, out):  # type: ignore[no-untyped-def]
     """Fill `out` (5 + c,) with distances of (x, y) [m] from goal, borders and solids."""
     left, low, right, high = surroundings.border
-    out[0], out[1], out[2], out[3], out[4] = to_rim(surroundings.frame, x, y), x - left, right - x, y - low, high - y
+
+    out[0] = to_rim(surroundings.frame, x, y)
+    out[1] = x - left
+    out[2] = right - x
+    out[3] = y - low
+    out[4] = high - y
+
     for n in range(near.shape[0]):
         out[SOLID + n] = clearance_from(surroundings, near[n], pose, x, y)
 
@@ -158,11 +183,22 @@ def _to_rows(surroundings, near, pose, x, y, out):  # type: ignore[no-untyped-de
 @kernel
 def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-def]
     """Tell whether (x, y) [m] is free, and return the `Boundaries` within reach of it."""
-    rows, most, noise = SOLID + len(patch.near), 1 + TUNING.directions, step.b * step.b
-    now, then, member = np.empty(rows), np.empty(rows), np.full(rows, -1)
+    rows = SOLID + len(patch.near)
+    most = 1 + TUNING.directions
+    noise = step.b * step.b
+
+    now = np.empty(rows)
+    then = np.empty(rows)
+    member = np.full(rows, -1)
+
     _to_rows(surroundings, patch.near, patch.begin, x, y, now)
     _to_rows(surroundings, patch.near, patch.end, x, y, then)
-    away, distance, speed, steepness = np.zeros((rows, 2)), np.empty(most), np.empty(most), np.empty(most)
+
+    away = np.zeros((rows, 2))
+    distance = np.empty(most)
+    speed = np.empty(most)
+    steepness = np.empty(most)
+
     _directions(surroundings, patch, x, y, now, away)
     goals = n = 1 if now[0] < step.cutoff else 0
     if goals > 0:
@@ -179,7 +215,8 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
             apart = stands_apart(away[k, 0], away[k, 1], away[at, 0], away[at, 1])
             if member[k] < 0 and (k == at or (now[k] < step.cutoff and not apart)):
                 member[k], later = n, min(later, then[k])
-        distance[n], speed[n] = now[at], (later - now[at]) / step.dt
+        distance[n] = now[at]
+        speed[n] = (later - now[at]) / step.dt
         drift = speed[n] / noise
         if step.wall < math.inf and at >= SOLID:
             drift += 0.5 * _curvature(surroundings, patch, at - SOLID, x, y, away[at])
@@ -191,21 +228,31 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
 @kernel
 def _directions(surroundings, patch, x, y, now, away):  # type: ignore[no-untyped-def]
     """Fill `away` (5 + c, 2) [m] with vectors to (x, y) from borders, `now` away [m], and nearest points of solids."""
-    away[1, 0], away[2, 0], away[3, 1], away[4, 1] = now[1], -now[2], now[3], -now[4]
+    away[1, 0] = now[1]
+    away[2, 0] = -now[2]
+    away[3, 1] = now[3]
+    away[4, 1] = -now[4]
+
     for k in range(len(patch.near)):
         owner = surroundings.owner[patch.near[k]]
         u, v = _in_body(patch.begin, owner, x, y)
         ex, ey, _, _ = offset_of_solid(surroundings.solids, patch.near[k], u, v)
-        c, s = patch.begin[owner, 2], patch.begin[owner, 3]
-        away[SOLID + k, 0], away[SOLID + k, 1] = c * ex - s * ey, s * ex + c * ey
+        c = patch.begin[owner, 2]
+        s = patch.begin[owner, 3]
+        away[SOLID + k, 0] = c * ex - s * ey
+        away[SOLID + k, 1] = s * ex + c * ey
 
 
 @kernel
 def _curvature(surroundings, patch, k, x, y, away):  # type: ignore[no-untyped-def]
     """Laplacian [1/m], at least 0, of the clearance from the k-th solid half-way from (x, y) [m] to it, `away` (2,)."""
-    k, e, far = patch.near[k], TUNING.curvature_arm * surroundings.solids.robot, math.hypot(away[0], away[1])
+    k = patch.near[k]
+    e = TUNING.curvature_arm * surroundings.solids.robot
+    far = math.hypot(away[0], away[1])
+
     share = 0.5 * (1.0 - surroundings.solids.robot / far)
-    x, y = x - share * away[0], y - share * away[1]
+    x = x - share * away[0]
+    y = y - share * away[1]
     total = -4.0 * clearance_from(surroundings, k, patch.begin, x, y)
     for side in (-e, e):
         total += clearance_from(surroundings, k, patch.begin, x + side, y)
@@ -220,13 +267,16 @@ def meet_boundaries(surroundings, step, t, later, out):  # type: ignore[no-untyp
     Args: t, when the step begins [s]; `later` and `out`, log psi at its end and its beginning, 2 x (nx, ny) [nats].
     """
     (nx, ny), frame, tile = out.shape, surroundings.frame, TUNING.tile
-    begin, end = poses_at(surroundings.solids, t + JUMP), poses_at(surroundings.solids, t + step.dt - JUMP)
+    begin = poses_at(surroundings.solids, t + JUMP)
+    end = poses_at(surroundings.solids, t + step.dt - JUMP)
     margin = math.ceil(step.cutoff / frame.spacing)
     reach = step.cutoff + 0.5 * math.sqrt(2.0) * tile * frame.spacing
     for i0 in range(0, nx, tile):
         for j0 in range(0, ny, tile):
-            i1, j1 = min(i0 + tile, nx), min(j0 + tile, ny)
-            x, y = frame.x0 + 0.5 * (i0 + i1 - 1) * frame.spacing, frame.y0 + 0.5 * (j0 + j1 - 1) * frame.spacing
+            i1 = min(i0 + tile, nx)
+            j1 = min(j0 + tile, ny)
+            x = frame.x0 + 0.5 * (i0 + i1 - 1) * frame.spacing
+            y = frame.y0 + 0.5 * (j0 + j1 - 1) * frame.spacing
             near = solids_near(surroundings, begin, end, x, y, reach)
             bordered = step.wall < math.inf and to_border(surroundings, x, y) < reach
             if len(near) == 0 and not bordered and to_rim(frame, x, y) >= reach:
@@ -235,7 +285,8 @@ def meet_boundaries(surroundings, step, t, later, out):  # type: ignore[no-untyp
             least = patch.base + math.log(TUNING.underflow)
             for i in range(i0, i1):
                 for j in range(j0, j1):
-                    x, y = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
+                    x = frame.x0 + i * frame.spacing
+                    y = frame.y0 + j * frame.spacing
                     free, met = boundaries_of(surroundings, step, patch, x, y)
                     if not free:
                         out[i, j] = -math.inf
@@ -250,11 +301,15 @@ def meet_boundaries(surroundings, step, t, later, out):  # type: ignore[no-untyp
 def log_psi_before(surroundings, step, t, later, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (2,) [m] and t [s], -phi/lambda in walls; `later` (nx, ny) [nats], slope (2,) [1/m]."""
     frame, solids = surroundings.frame, surroundings.solids
-    begin, end = poses_at(solids, t), poses_at(solids, t + step.dt - JUMP)
+    begin = poses_at(solids, t)
+    end = poses_at(solids, t + step.dt - JUMP)
     near = solids_near(surroundings, begin, end, x[0], x[1], step.cutoff)
-    i, j = math.floor((x[0] - frame.x0) / frame.spacing + 0.5), math.floor((x[1] - frame.y0) / frame.spacing + 0.5)
+
+    i = math.floor((x[0] - frame.x0) / frame.spacing + 0.5)
+    j = math.floor((x[1] - frame.y0) / frame.spacing + 0.5)
     margin = math.ceil(step.cutoff / frame.spacing + 0.5)
     patch = patch_of(surroundings, later, near, begin, end, (i, j, i + 1, j + 1), margin)
+
     slope[0], slope[1] = 0.0, 0.0
     free, met = boundaries_of(surroundings, step, patch, x[0], x[1])
     if not free:
@@ -265,7 +320,8 @@ def log_psi_before(surroundings, step, t, later, x, slope):  # type: ignore[no-u
         e = min(e, 0.005 * d)
     for k in range(2 if value > -math.inf else 0):
         for side in (-e, e):
-            px, py = x[0] + side * (1 - k), x[1] + side * k
+            px = x[0] + side * (1 - k)
+            py = x[1] + side * k
             met = boundaries_of(surroundings, step, patch, px, py)[1]
             slope[k] += 0.5 / side * _before(surroundings, step, patch, met, px, py, 0, 0)
     return value
@@ -274,9 +330,18 @@ def log_psi_before(surroundings, step, t, later, x, slope):  # type: ignore[no-u
 @kernel
 def _before(surroundings, step, patch, met, x, y, i0, j0):  # type: ignore[no-untyped-def]
     """log psi [nats] at (x, y) [m] a step before, among `Boundaries`; (i0, j0) of `patch` is first in reach."""
-    frame, width, B, variance = surroundings.frame, patch.width, len(met.distance), step.deviation**2
-    short, whole, weight = np.zeros(B), 0.0, np.empty((2, width))  # shares are short of sums `short`
-    paying, ahead = step.wall < math.inf, np.full((B, width, width), math.inf)
+    frame = surroundings.frame
+    width = patch.width
+    B = len(met.distance)
+    variance = step.deviation**2
+
+    short = np.zeros(B)  # shares are short of sums `short`
+    whole = 0.0
+    weight = np.empty((2, width))
+
+    paying = step.wall < math.inf
+    ahead = np.full((B, width, width), math.inf)
+
     for r in range(len(met.member)):
         if met.member[r] >= 0:
             for a in range(width):
@@ -340,6 +405,7 @@ def _survival(d, e, variance):  # type: ignore[no-untyped-def]
 @inlined
 def _meeting(d, speed, step):  # type: ignore[no-untyped-def]
     """Probability that a path meets a wall d away [m] whose distance grows at a speed [m/s]."""
-    width, ahead = step.deviation * math.sqrt(2.0), speed * step.dt
+    width = step.deviation * math.sqrt(2.0)
+    ahead = speed * step.dt
     mirrored = math.exp(min(-2.0 * d * speed / (step.b * step.b), 700.0)) * math.erfc((d - ahead) / width)
     return min(0.5 * (math.erfc((d + ahead) / width) + mirrored), 1.0)

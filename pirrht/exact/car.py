@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.grid import TUNING, Frame, cubic, frame_at, in_goal, interpolate
+from pirrht.exact.grid import TUNING, Frame, Progress, Settling, cubic, frame_at, in_goal, interpolate
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
@@ -59,24 +59,28 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return h
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, *_: object) -> Headings:
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, _: float | None, progress: Progress) -> Headings:
     """Solve for log psi of a car at a spacing [m]; OptionError if sweeps do not settle."""
     d, scene = problem.dynamics, space.scene
     assert isinstance(d, Unicycle)
     assert not callable(problem.q)
     nx, ny = np.ceil((scene.upper - scene.lower) / spacing - 1e-9).astype(int) + 1
-    shape, tau = (nx, ny, _directions(d, spacing)), TUNING.ray * spacing / d.V
+    shape = (nx, ny, _directions(d, spacing))
+    tau = TUNING.ray * spacing / d.V
     ceiling = min(problem.phi, TUNING.worst_path * problem.q * float(np.sum(scene.upper - scene.lower)) / d.V)
     rays = Rays(np.full(shape, np.nan), problem.q * tau, problem.temperature, ceiling)
     frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
     _trace(space.world, frame, rays)
-    value, blocked = np.where(rays.ended == 0.0, 0.0, ceiling), rays.ended[:, :, 0] < 0.0
+    value = np.where(rays.ended == 0.0, 0.0, ceiling)
+    blocked = rays.ended[:, :, 0] < 0.0
     i, j = distance_transform_edt(blocked, return_distances=False, return_indices=True)[:, blocked]
     whole, half = (_taps(d.b * math.sqrt(s), tau, shape[2]) for s in (tau, 0.5 * tau))
+    settling = Settling(progress, TUNING.car_settled)
     for done in range(TUNING.car_sweeps):
-        settled = _sweep(value, value, rays, whole, done % 4) < TUNING.car_settled
+        change = _sweep(value, value, rays, whole, done % 4)
+        settling.note(change)
         value[blocked] = value[i, j]  # walls repeat what is next to them
-        if settled:
+        if change < TUNING.car_settled:
             out = value.copy()
             _sweep(value, out, rays, half, 0)
             out[blocked] = out[i, j]
@@ -103,7 +107,9 @@ def _trace(arena, frame, rays):  # type: ignore[no-untyped-def]
     (nx, ny, nt), length = rays.ended.shape, TUNING.ray * frame.spacing
     for i in range(nx):
         for j in range(ny):
-            x, y = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
+            x = frame.x0 + i * frame.spacing
+            y = frame.y0 + j * frame.spacing
+
             if clearance(arena.field, x, y) <= 0.0:
                 rays.ended[i, j, :] = -1.0
             elif in_goal(frame, (x, y)):
@@ -119,8 +125,15 @@ def _trace(arena, frame, rays):  # type: ignore[no-untyped-def]
 @kernel
 def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
     """Follow rays and smooth over headings at all positions in turn; return the greatest change of v [cost]."""
-    (nx, ny, nt), width, reach, temperature = value.shape, taps.shape[0], taps.shape[0] // 2, rays.temperature
-    ray, weight, change = np.empty(nt + 2 * reach), np.empty(nt + 2 * reach), 0.0
+    nx, ny, nt = value.shape
+    width = taps.shape[0]
+    reach = taps.shape[0] // 2
+    temperature = rays.temperature
+
+    ray = np.empty(nt + 2 * reach)
+    weight = np.empty(nt + 2 * reach)
+    change = 0.0
+
     for a in range(nx):
         i = a if order % 2 == 0 else nx - 1 - a
         for b in range(ny):
@@ -133,7 +146,8 @@ def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
                     th = 2.0 * math.pi * k / nt
                     ahead = _cubic(value, i, j, TUNING.ray * math.cos(th), TUNING.ray * math.sin(th), k)
                     ray[reach + k] = min(rays.cost + ahead, rays.ceiling)
-            ray[:reach], ray[reach + nt :] = ray[nt : reach + nt], ray[reach : 2 * reach]
+            ray[:reach] = ray[nt : reach + nt]
+            ray[reach + nt :] = ray[reach : 2 * reach]
             least = ray.min()
             for k in range(nt + 2 * reach):
                 weight[k] = math.exp((least - ray[k]) / temperature)
@@ -155,8 +169,10 @@ def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
 def _cubic(value, i, j, dx, dy, k):  # type: ignore[no-untyped-def]
     """v at (i + dx, j + dy) of heading k, kept between the four values around."""
     nx, ny, _ = value.shape
-    p, q = math.floor(i + dx), math.floor(j + dy)
-    weight_x, weight_y = cubic(i + dx - p), cubic(j + dy - q)
+    p = math.floor(i + dx)
+    q = math.floor(j + dy)
+    weight_x = cubic(i + dx - p)
+    weight_y = cubic(j + dy - q)
     total, low, high = 0.0, math.inf, -math.inf
     for c in range(4):
         row, s = 0.0, min(max(p + c - 1, 0), nx - 1)
@@ -164,7 +180,8 @@ def _cubic(value, i, j, dx, dy, k):  # type: ignore[no-untyped-def]
             entry = value[s, min(max(q + d - 1, 0), ny - 1), k]
             row += weight_y[d] * entry
             if 1 <= c <= 2 and 1 <= d <= 2:
-                low, high = min(low, entry), max(high, entry)
+                low = min(low, entry)
+                high = max(high, entry)
         total += weight_x[c] * row
     return min(max(total, low), high)
 

@@ -66,7 +66,8 @@ def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
     # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
     found = next((one for kind, one in solvers.items() if isinstance(d, kind) and d.drift is kind.drift), None)
     if found is None or callable(problem.q) or not d.constant or d.input_form:
-        known, where = " or ".join(kind.__name__ for kind in solvers), " among moving obstacles" if moves else ""
+        known = " or ".join(kind.__name__ for kind in solvers)
+        where = " among moving obstacles" if moves else ""
         raise OptionError(f"no grid solves the dynamics {type(d).__name__}{where}; it takes {known} with constant q")
     return cast(Solver, import_module(f"{__package__}.{found}"))
 
@@ -95,7 +96,7 @@ class Desirability:
             space: of the same scene.
             spacing: of the grid [m]; None: fine enough for v to 0.5 % and u to 2 %.
             dt: step of the discrete-time problem [s]; None: continuous time.
-            progress: called with the share that is done among moving obstacles, anew for every period that is tried.
+            progress: called with the share that is done, anew for every period of repeated motions.
 
         Raises:
             OptionError: no grid of this package solves the problem, or it needs too fine a grid.
@@ -154,7 +155,9 @@ class Desirability:
 
     def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
         """log psi (k,) [nats] at states (k, n) and a time [s], one or (k,), and its gradient (k, n)."""
-        value, slope = np.empty(len(states)), np.zeros(states.shape)
+        value = np.empty(len(states))
+        slope = np.zeros(states.shape)
+
         if self.moves:
             states = np.column_stack([states, np.broadcast_to(np.asarray(t, dtype=float), len(states))])
         states = np.ascontiguousarray(states, dtype=float)
@@ -170,7 +173,11 @@ class Desirability:
         """
         step = self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
         homology, turns, ends, outcome = self._walk(x, samples, seed, t, step)
-        turns, ends, first = turns[outcome == GOAL], ends[outcome == GOAL], homology.at(x, t)
+
+        turns = turns[outcome == GOAL]
+        ends = ends[outcome == GOAL]
+        first = homology.at(x, t)
+
         closed = [homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns, ends, strict=True)]
         names, counts = np.unique(np.rint(np.reshape(closed, (-1, homology.M))).astype(int), axis=0, return_counts=True)
         return {class_id(names[k]): float(counts[k] / len(turns)) for k in np.argsort(-counts, kind="stable")}
@@ -194,7 +201,10 @@ class Desirability:
         self, x: Array, samples: int, seed: int, t: float, step: float, *, margin: float | None = None
     ) -> tuple[Homology, Array, Array, IntArray]:
         """Draw paths by steps [s], with a margin [m] of held controls: turns, ends, outcomes."""
-        d, homology, x0 = self.problem.dynamics, homology_of(self.problem, self.space), np.append(x, t).astype(float)
+        d = self.problem.dynamics
+        homology = homology_of(self.problem, self.space)
+        x0 = np.append(x, t).astype(float)
+
         process = Process(
             field=self.space.field, frame=frame_at(np.zeros(2), self.spacing, self.space.scene.goal),
             parameters=np.asarray(d.parameters, dtype=float), rate=d.G_c(x0[:-1]) @ self.gain, B=d.B_c(x0[:-1]),
@@ -202,7 +212,8 @@ class Desirability:
             shortest=TUNING.shortest_path_step if margin is None else step, margin=margin or 0.0, gap=self.gap,
         )  # fmt: skip
         how = "stepwise" if self.dt else "continuous" if margin is None or d.n > d.m else "held"
-        turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x0)))
+        turns = np.zeros((samples, homology.M))
+        ends = np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
         walk = walker(self.evaluate, d.drift, how, self.moves)
         walk(self.grid, process, homology.markers, homology.tracks, x0, seed, turns, ends, outcome)

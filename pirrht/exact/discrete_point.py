@@ -16,7 +16,7 @@ from scipy.ndimage import correlate1d
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact import grid as grids
-from pirrht.exact.grid import TUNING, Domain, Equation, Frame, cubic, in_goal
+from pirrht.exact.grid import TUNING, Domain, Equation, Frame, Progress, Settling, cubic, in_goal
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.blocks import lattice
 from pirrht.jit.jit import inlined, kernel
@@ -76,20 +76,24 @@ def smooth(log_psi: Array, weight: Array, taps_x: Array, taps_y: Array, loss: fl
 @kernel
 def _along_rows(log_psi, weight, taps):  # type: ignore[no-untyped-def]
     """Convolve rows of psi = weight exp(log_psi), (n, m), with taps (2 R + 1, m); the result as two such factors."""
-    (n, m), width, tile, reach = log_psi.shape, taps.shape[0], TUNING.tile, taps.shape[0] // 2
-    out, sign, window, row = (
-        np.full((n, m), -math.inf),
-        np.zeros((n, m)),
-        np.empty(m + tile + width),
-        np.empty(m + tile),
-    )
+    n, m = log_psi.shape
+    width = taps.shape[0]
+    tile = TUNING.tile
+    reach = taps.shape[0] // 2
+
+    out = np.full((n, m), -math.inf)
+    sign = np.zeros((n, m))
+    window = np.empty(m + tile + width)
+    row = np.empty(m + tile)
+
     for i in range(n):
         least = math.inf
         for e in range(m):
             least = min(least, log_psi[i, e] if log_psi[i, e] > -1e299 else math.inf)  # less is nothing
         span = m if log_psi[i].max() + math.log(TUNING.underflow) < least else tile  # so many share one exponent
         for q in range(0, m, span):
-            low, high = max(q - reach, 0), min(q + span + reach, m)
+            low = max(q - reach, 0)
+            high = min(q + span + reach, m)
             top = log_psi[i, low:high].max()
             if top == -math.inf:
                 continue
@@ -101,7 +105,8 @@ def _along_rows(log_psi, weight, taps):  # type: ignore[no-untyped-def]
                     row[e] += taps[t, q + e] * window[t + e]
             for e in range(min(span, m - q)):
                 if row[e] != 0.0:
-                    out[i, q + e], sign[i, q + e] = top + math.log(abs(row[e])), math.copysign(1.0, row[e])
+                    out[i, q + e] = top + math.log(abs(row[e]))
+                    sign[i, q + e] = math.copysign(1.0, row[e])
     return out, sign
 
 
@@ -109,14 +114,17 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     """Return the requested spacing [m], or a share of a step's deviation in dt [s]; refuses too many points."""
     assert dt is not None
     deviation = Equation.of(problem).b * math.sqrt(dt)
-    default, reason = deviation / TUNING.discrete_points, f"noise carries a step {deviation:.2g} m"
+    default = deviation / TUNING.discrete_points
+    reason = f"noise carries a step {deviation:.2g} m"
+
     return grids.affordable(space.scene, default if spacing is None else spacing, reason, ", a longer step dt")
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, *_: object) -> Lattice:
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress) -> Lattice:
     """Solve for log phi with steps of dt [s] and a spacing [m]; OptionError if it does not settle."""
     assert dt is not None
-    equation, domain = Equation.of(problem), Domain.of(space)
+    equation = Equation.of(problem)
+    domain = Domain.of(space)
     step = step_of(dt, equation)
     margin = math.ceil(step.cutoff / spacing) + 1
     corner = domain.lower - margin * spacing
@@ -125,14 +133,21 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     free, goal = _integrated(clearance, corner - domain.goal.center, domain.goal.radius, spacing)
     known = goal + math.exp(-equation.wall) * (1.0 - free - goal)
     taps = [taps_along(n, 0.0, spacing, -math.inf, math.inf, step) for n in size]
-    now, before, floor = np.full(free.shape, -np.inf), np.full(free.shape, -np.inf), np.full(free.shape, -np.inf)
+
+    now = np.full(free.shape, -np.inf)
+    before = np.full(free.shape, -np.inf)
+    floor = np.full(free.shape, -np.inf)
+
     np.log(np.abs(known), out=floor, where=known != 0.0)
+    settling = Settling(progress, EVERY * TUNING.discrete_settled)
     for done in range(1, TUNING.discrete_steps + 1):
         top = np.maximum(np.maximum(now, floor), -1e300)  # finite, so that differences from it are numbers
         weight = free * np.exp(now - top) + np.sign(known) * np.exp(floor - top)
         now = smooth(top, weight, taps[0], taps[1], equation.rate * dt)
         if done % EVERY == 0:
-            if grids.largest_change(now, before) < EVERY * TUNING.discrete_settled:
+            change = grids.largest_change(now, before)
+            settling.note(change)
+            if change < EVERY * TUNING.discrete_settled:
                 return Lattice(grids.frame_at(corner, spacing, domain.goal), now[:, :, None])
             before = now
     raise OptionError(f"the solution has not settled after {TUNING.discrete_steps} rounds; choose a longer dt")
@@ -144,7 +159,9 @@ def _integrated(clearance: Array, corner: Array, radius: float, spacing: float) 
     `clearance` (nx, ny) [m] is interpolated linearly within cells; `corner` (2,) [m] is relative to the goal's centre.
     """
     parts, (nx, ny) = TUNING.cell_parts, clearance.shape
-    free, goal = np.zeros((nx, ny)), np.zeros((nx, ny))
+    free = np.zeros((nx, ny))
+    goal = np.zeros((nx, ny))
+
     for u, v in itertools.product((np.arange(parts) + 0.5) / parts, repeat=2):
         clear = _along_both(clearance, [1.0 - u, u], [1.0 - v, v], -1)
         x, y = (corner[k] + spacing * (np.arange(n) + t) for k, n, t in ((0, nx, u), (1, ny, v)))

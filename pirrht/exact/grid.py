@@ -115,7 +115,9 @@ class Equation(NamedTuple):
     def of(cls, problem: Problem) -> Equation:
         """Take the numbers of a point with constant noise and constant q."""
         assert not callable(problem.q)
-        b, rate = float(problem.dynamics.B_c(np.zeros(2))[0, 0]), problem.q / problem.temperature
+        b = float(problem.dynamics.B_c(np.zeros(2))[0, 0])
+        rate = problem.q / problem.temperature
+
         return cls(b, rate, problem.phi / problem.temperature, math.sqrt(2.0 * rate) / b)
 
 
@@ -132,7 +134,9 @@ class Frame(NamedTuple):
 
 def frame_at(corner: Array, spacing: float, goal: Goal) -> Frame:
     """Place a grid whose point (0, 0) is at a corner (2,) [m], spacing in [m]."""
-    (x0, y0), (goal_x, goal_y) = corner.tolist(), goal.center.tolist()
+    x0, y0 = corner.tolist()
+    goal_x, goal_y = goal.center.tolist()
+
     return Frame(x0, y0, spacing, float(goal_x), float(goal_y), float(goal.radius))
 
 
@@ -174,10 +178,28 @@ def ignore_progress(share: float) -> None:
     """Ignore progress."""
 
 
+class Settling:
+    """Reports rounds until changes are small: how far they have fallen towards the least change, on a log scale."""
+
+    def __init__(self, progress: Progress, least: float) -> None:
+        self._progress, self._least = progress, least
+        self._first = self._share = 0.0  # greatest change and share so far
+
+    def note(self, change: float) -> None:
+        """Take note of the change by a round; infinite: nothing is known yet."""
+        if self._least < change < math.inf:
+            self._first = max(self._first, change)
+            fallen = math.log(self._first / change) / math.log(self._first / self._least)
+            self._share = max(self._share, fallen)
+        self._progress(self._share)
+
+
 @inlined
 def cubic(t):  # type: ignore[no-untyped-def]
     """Values at t [spacings] of cubic polynomials, each 1 at one of -1, 0, 1 and 2 and 0 at the others."""
-    a, b = t * (t - 1.0), (t + 1.0) * (t - 2.0)
+    a = t * (t - 1.0)
+    b = (t + 1.0) * (t - 2.0)
+
     return a * (2.0 - t) / 6.0, b * (t - 1.0) / 2.0, -b * t / 2.0, a * (t + 1.0) / 6.0
 
 
@@ -192,11 +214,27 @@ def slopes(t):  # type: ignore[no-untyped-def]
 def interpolate(values, frame, x, slope):  # type: ignore[no-untyped-def]
     """Interpolate `values` (nx, ny, nt), of headings 2 pi k / nt, at x by cubics; the gradient goes to slope (n,)."""
     nx, ny, nt = values.shape
-    fx, fy = (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
+    fx = (x[0] - frame.x0) / frame.spacing
+    fy = (x[1] - frame.y0) / frame.spacing
     ft = x[2] * nt / (2.0 * math.pi) if nt > 1 else 0.0
-    i, j, k = min(max(int(fx), 0), nx - 2), min(max(int(fy), 0), ny - 2), math.floor(ft)
-    px, py, pt, dx, dy, dt = cubic(fx - i), cubic(fy - j), cubic(ft - k), slopes(fx - i), slopes(fy - j), slopes(ft - k)
-    total, along_x, along_y, along_t = 0.0, 0.0, 0.0, 0.0
+
+    i = min(max(int(fx), 0), nx - 2)
+    j = min(max(int(fy), 0), ny - 2)
+    k = math.floor(ft)
+
+    px = cubic(fx - i)
+    py = cubic(fy - j)
+    pt = cubic(ft - k)
+
+    dx = slopes(fx - i)
+    dy = slopes(fy - j)
+    dt = slopes(ft - k)
+
+    total = 0.0
+    along_x = 0.0
+    along_y = 0.0
+    along_t = 0.0
+
     for a in range(4):
         s = min(max(i + a - 1, 0), nx - 1)
         for b in range(4):
@@ -209,7 +247,9 @@ def interpolate(values, frame, x, slope):  # type: ignore[no-untyped-def]
             along_x += dx[a] * py[b] * value
             along_y += px[a] * dy[b] * value
             along_t += px[a] * py[b] * turning
-    slope[0], slope[1] = along_x / frame.spacing, along_y / frame.spacing
+    slope[0] = along_x / frame.spacing
+    slope[1] = along_y / frame.spacing
+
     if nt > 1:
         slope[2] = along_t * nt / (2.0 * math.pi)
     return total

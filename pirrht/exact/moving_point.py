@@ -51,7 +51,9 @@ def _timetable(motions: Sequence[Motion], longest: float) -> tuple[Array, float,
     periods = [float(m.rows[-1, 0]) for m in motions if m.repeat]
     still = max([0.0, *(-m.offset if m.repeat else m.last for m in motions)])
     period = _common(periods) if periods else 0.0
-    lead, cycle = _steps(motions, 0.0, still, longest), _steps(motions, still, still + period, longest)
+    lead = _steps(motions, 0.0, still, longest)
+    cycle = _steps(motions, still, still + period, longest)
+
     if periods:
         more = cycle[1 : 2 + int(np.searchsorted(cycle, still + TUNING.last_steps * longest))] + period
     else:
@@ -162,7 +164,10 @@ def _stationary(problem: Problem, space: FreeSpace, surroundings: Surroundings, 
         _clearances(surroundings, time, np.ascontiguousarray(points), out)
         return out
 
-    domain, equation, frame = replace(Domain.of(space), clearance=clearance), Equation.of(problem), surroundings.frame
+    domain = replace(Domain.of(space), clearance=clearance)
+    equation = Equation.of(problem)
+    frame = surroundings.frame
+
     spacing = point.default_spacing(problem, space.scene)
     stationary = point.solve(domain, wavenumber=equation.wavenumber, wall=equation.wall, spacing=spacing)
     out = np.empty(np.ceil((domain.upper - domain.lower) / frame.spacing - 1e-9).astype(int) + 1)
@@ -175,7 +180,8 @@ def _back(
 ) -> Iterator[tuple[int, Array]]:
     """(k, log psi at time k) from the one before the last back to `first`."""
     frame, (left, low, right, high) = surroundings.frame, surroundings.border
-    last, ones = len(times) - 1, np.ones(now.shape)
+    last = len(times) - 1
+    ones = np.ones(now.shape)
     taps: dict[int, tuple[Array, Array]] = {}  # by the length of a step [ns]
     for k in range(last - 1, first - 1, -1):
         step = step_of(float(times[k + 1] - times[k]), longest)
@@ -202,10 +208,15 @@ def _clearances(surroundings, t, points, out):  # type: ignore[no-untyped-def]
 @kernel
 def _sample(stationary, surroundings, t, out):  # type: ignore[no-untyped-def]
     """Sample a stationary solution on a grid (nx, ny) [nats]; minus infinity in goal and walls at t [s]."""
-    x, slope, frame, pose = np.empty(2), np.empty(2), surroundings.frame, poses_at(surroundings.solids, t)
+    x = np.empty(2)
+    slope = np.empty(2)
+    frame = surroundings.frame
+    pose = poses_at(surroundings.solids, t)
+
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
-            x[0], x[1] = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
+            x[0] = frame.x0 + i * frame.spacing
+            x[1] = frame.y0 + j * frame.spacing
             blocked = in_goal(frame, x) or clearance_at(surroundings, pose, x[0], x[1]) <= 0.0
             out[i, j] = -math.inf if blocked else point.evaluate(stationary, x, slope)
 

@@ -63,7 +63,11 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> 
 
     @kernel
     def continuous(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
-        B, step, n, m = process.B, process.step, f.shape[0], process.B.shape[0]
+        B = process.B
+        step = process.step
+        n = f.shape[0]
+        m = process.B.shape[0]
+
         evaluate(grid, x, slope)
         if n == m:
             root = TUNING.wall_steps * clear(grid, process, x) / B[0, 0]
@@ -80,12 +84,21 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> 
     @kernel
     def stepwise(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
         evaluate(grid, x, slope)
-        ahead, deviation = process.rate @ slope * process.step, process.B[0, 0] * math.sqrt(process.step)
-        ends, weight, y = np.empty((TUNING.candidates, 2)), np.empty(TUNING.candidates), x.copy()
+        ahead = process.rate @ slope * process.step
+        deviation = process.B[0, 0] * math.sqrt(process.step)
+
+        ends = np.empty((TUNING.candidates, 2))
+        weight = np.empty(TUNING.candidates)
+        y = x.copy()
+
         for k in range(TUNING.candidates):
             state, z, w = normals(state)
-            y[0], y[1] = x[0] + ahead[0] + deviation * z, x[1] + ahead[1] + deviation * w
-            outcome, ends[k] = end(grid, process, y), y[:2]
+            y[0] = x[0] + ahead[0] + deviation * z
+            y[1] = x[1] + ahead[1] + deviation * w
+
+            outcome = end(grid, process, y)
+            ends[k] = y[:2]
+
             log_psi = evaluate(grid, y, slope) if outcome == INSIDE else (0.0 if outcome == GOAL else -process.wall)
             passive = ((y[0] - x[0]) ** 2 + (y[1] - x[1]) ** 2) / deviation**2
             weight[k] = log_psi + 0.5 * (z * z + w * w - passive)
@@ -111,7 +124,10 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> 
 
     @kernel
     def held(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
-        y, away, deviation = x.copy(), np.zeros(2), process.B[0, 0] * math.sqrt(process.step)
+        y = x.copy()
+        away = np.zeros(2)
+        deviation = process.B[0, 0] * math.sqrt(process.step)
+
         if moves:  # walls are judged where the step ends
             y[2] += process.step
         c = clear(grid, process, y)
@@ -147,14 +163,19 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> 
 
     @kernel
     def walk(grid, process, markers, tracks, x0, seed, turns, ends, outcome):  # type: ignore[no-untyped-def]
-        slope, f, M = np.zeros(x0.shape[0] - 1), np.zeros(x0.shape[0] - 1), markers.shape[0]
+        slope = np.zeros(x0.shape[0] - 1)
+        f = np.zeros(x0.shape[0] - 1)
+        M = markers.shape[0]
+
         for s in range(outcome.shape[0]):
-            state, x = stream(seed, s), x0.copy()
+            state = stream(seed, s)
+            x = x0.copy()
             outcome[s] = end(grid, process, x)
             for _ in range(TUNING.path_steps):
                 if outcome[s] != INSIDE:
                     break
-                ax, ay, at = x[0], x[1], x[-1]
+                ax, ay = x[0], x[1]
+                at = x[-1]
                 state = advance(grid, process, x, slope, f, state)
                 for k in range(M):
                     mx, my = markers[k, 0], markers[k, 1]

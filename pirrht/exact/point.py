@@ -44,7 +44,9 @@ def ends_of_arms(
     ends, at_goal = _cut(domain, points[rows], heads)
     short = ~at_goal & (np.hypot(*(ends - points[rows]).T) < TUNING.hug * spacing)
     hugging = np.unique(rows[short])
-    again, around = np.isin(rows, hugging), points[hugging, None] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
+
+    again = np.isin(rows, hugging)
+    around = points[hugging, None] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
     free_by = domain.clearance(around.reshape(-1, 2)).reshape(around.shape[:2])
     best = np.argmax(np.where(domain.goal.contains(around), -np.inf, free_by), axis=1)
     starts = around[np.searchsorted(hugging, rows[again]), best[np.searchsorted(hugging, rows[again])]]
@@ -64,7 +66,9 @@ def _cut(domain: Domain, tails: Array, heads: Array) -> tuple[Array, BoolArray]:
     to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
     to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
     at_head = clearance(heads)
-    to_wall, crosses = np.where(at_head <= CLOSE, full, np.inf), np.flatnonzero(at_head < 0.0)
+    to_wall = np.where(at_head <= CLOSE, full, np.inf)
+    crosses = np.flatnonzero(at_head < 0.0)
+
     if len(crosses) > 0:
         root = find_root(
             lambda t, k: clearance(tails[k] + t[:, None] * unit[k]), (np.zeros(len(crosses)), full[crosses]),
@@ -117,15 +121,24 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1
     index = lattice(nx, ny).reshape(-1, 2)
     points = lower + spacing * index
-    free_by, rim = domain.clearance(points), np.hypot(*(points - goal.center).T) - goal.radius
+
+    free_by = domain.clearance(points)
+    rim = np.hypot(*(points - goal.center).T) - goal.radius
     free = (free_by > CLOSE) & (rim > CLOSE)
     number = np.where(free, np.cumsum(free) - 1, -1)
+
     place = index[free]
     target = place[:, None, :] + ARMS
     flat = target[:, :, 0] * ny + target[:, :, 1]
-    neighbour, arms, log_end = number[flat], np.broadcast_to(WHOLE, flat.shape).copy(), np.zeros(flat.shape)
+
+    neighbour = number[flat]
+    arms = np.broadcast_to(WHOLE, flat.shape).copy()
+    log_end = np.zeros(flat.shape)
+
     cut = neighbour < 0
-    rows, heads = np.nonzero(cut)[0], points[flat[cut]]
+    rows = np.nonzero(cut)[0]
+    heads = points[flat[cut]]
+
     ends, at_goal = ends_of_arms(domain, points[free], rows, heads, spacing)
     arms[cut] = (ends - points[free][rows]) @ [1.0, 1j] / spacing
     log_end[cut] = np.where(at_goal, 0.0, -wall)
@@ -153,7 +166,9 @@ def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: flo
     out = np.where(inner, np.inf, wavenumber * length - log_end).min(axis=1, initial=np.inf)
     exits = np.flatnonzero(np.isfinite(out))
     weight = np.concatenate([wavenumber * length[rows, arms], out[exits]])
-    tail, head = np.concatenate([neighbour[rows, arms], np.full(len(exits), K)]), np.concatenate([rows, exits])
+    tail = np.concatenate([neighbour[rows, arms], np.full(len(exits), K)])
+    head = np.concatenate([rows, exits])
+
     return np.asarray(dijkstra(csr_matrix((weight, (tail, head)), shape=(K + 1, K + 1)), indices=K)[:K])
 
 
@@ -163,9 +178,12 @@ def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: 
     finite = np.where(np.isfinite(s), s, 0.0)
     inner = neighbour >= 0
     whole = inner.all(axis=1)
-    common, own = np.linalg.inv(arm_basis(WHOLE[None, :], kh))[0], np.linalg.inv(arm_basis(arms[~whole], kh))
+
+    common = np.linalg.inv(arm_basis(WHOLE[None, :], kh))[0]
+    own = np.linalg.inv(arm_basis(arms[~whole], kh))
     weight = np.empty((K, len(ARMS)))
-    weight[whole], weight[~whole] = common[0], own[:, 0]
+    weight[whole] = common[0]
+    weight[~whole] = own[:, 0]
     rows, which = np.nonzero(inner)
     columns = neighbour[rows, which]
     known = np.where(inner, 0.0, np.exp(log_end + np.where(inner, 0.0, finite[:, None])))
@@ -201,28 +219,44 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     if in_goal(grid.frame, x):
         return 0.0
     nx, ny = grid.owner.shape
-    fx, fy = (x[0] - grid.frame.x0) / grid.frame.spacing, (x[1] - grid.frame.y0) / grid.frame.spacing
+    fx = (x[0] - grid.frame.x0) / grid.frame.spacing
+    fy = (x[1] - grid.frame.y0) / grid.frame.spacing
     o = grid.owner[min(max(int(fx + 0.5), 0), nx - 1), min(max(int(fy + 0.5), 0), ny - 1)]
     if o < 0 or grid.shift[o] == -math.inf:
         return -math.inf
-    u, v = fx - grid.place[o, 0], fy - grid.place[o, 1]
+    u = fx - grid.place[o, 0]
+    v = fy - grid.place[o, 1]
     h = grid.frame.spacing
     c = grid.coefficients[o]
     kh = 0.25 * (grid.wavenumber * h) ** 2
-    t, j, e, term = kh * (u * u + v * v), 1.0, np.ones(6), np.ones(6)  # e[n] = 0F1(; n + 1; t)
+
+    t = kh * (u * u + v * v)
+    j = 1.0
+    e = np.ones(6)  # e[n] = 0F1(; n + 1; t)
+    term = np.ones(6)
+
     while term[0] > 1e-16 * e[0]:
         for n in range(6):
             term[n] *= t / (j * (n + j))
             e[n] += term[n]
         j += 1.0
-    z, power, total, down, up = complex(u, v), 1.0 + 0.0j, c[0] * e[0], 0.0j, 2.0 * c[0] * complex(u, v) * e[1]
+
+    z = complex(u, v)
+    power = 1.0 + 0.0j
+    total = c[0] * e[0]
+    down = 0.0j
+    up = 2.0 * c[0] * complex(u, v) * e[1]
+
     for n in range(1, 5):  # the derivative along z lowers the order by one, that along its conjugate raises it
         own = complex(c[2 * n - 1], -c[2 * n] if n < 4 else 0.0) * power  # of z^n, over z
         total += (own * z).real * e[n]
         down += n * own * e[n - 1]
         up += own * z * z * e[n + 1] / (n + 1)
         power *= z
-    gx, gy = (down.real + kh * up.real) / h, (kh * up.imag - down.imag) / h
+    gx = (down.real + kh * up.real) / h
+    gy = (kh * up.imag - down.imag) / h
     total = max(total, grid.least * math.sqrt(gx * gx + gy * gy))
-    slope[0], slope[1] = gx / total, gy / total
+    slope[0] = gx / total
+    slope[1] = gy / total
+
     return grid.shift[o] + math.log(total)

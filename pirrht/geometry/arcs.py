@@ -120,7 +120,8 @@ def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ign
 @kernel
 def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
     """Arc length [m] at which a curve, (3,), (P,), (P,), first touches the disc about (gx, gy) [m], or infinity."""
-    x, y, theta = start[0], start[1], start[2]
+    x, y = start[0], start[1]
+    theta = start[2]
     done = 0.0
     for p in range(length.shape[0]):
         s = entry_of_piece(x, y, theta, curvature[p], length[p], gx, gy, radius)
@@ -196,7 +197,8 @@ def certify_segment(field, ax, ay, bx, by, patient=True):  # type: ignore[no-unt
 @kernel
 def certify_curve(field, start, curvature, length, patient=True):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m], by `_certify_piece`."""
-    x, y, theta = start[0], start[1], start[2]
+    x, y = start[0], start[1]
+    theta = start[2]
     verdict = FREE
     for p in range(length.shape[0]):
         ux, uy = math.cos(theta), math.sin(theta)

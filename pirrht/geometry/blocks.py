@@ -31,7 +31,8 @@ Origins = NDArray[np.int64]  # (k, 2) first cells of blocks, in the finest spaci
 def build_field(collision: Collision, members: Sequence[int]) -> Field:
     """Sample clearances [m] from the solids that count, at a share of the robot's radius; SceneError: too large."""
     world, radius = collision.world, collision.least_radius
-    span, farthest = world.upper - world.lower, float(np.abs([world.lower, world.upper]).max())
+    span = world.upper - world.lower
+    farthest = float(np.abs([world.lower, world.upper]).max())
     h = radius / TUNING.cells_per_radius
     if farthest > TUNING.single_cells * h:
         raise SceneError(
@@ -57,8 +58,10 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Fiel
             break
     _require(entries, TUNING.table_places, collision, members)
     table = np.full((tops * 2**TOP).astype(int), TOP, dtype=np.int32)  # block 0, which is constant
-    steps, places = np.arange(2**TOP), lattice(cells + 1, cells + 1)
-    far, shape = REACH if len(members) else TUNING.nothing, (1, cells + 1, cells + 1)
+    steps = np.arange(2**TOP)
+    places = lattice(cells + 1, cells + 1)
+    far = REACH if len(members) else TUNING.nothing
+    shape = (1, cells + 1, cells + 1)
     parts: list[Arrays] = [
         (np.full(shape, far, np.float32), np.full(shape, far, np.float32), np.full(shape, -1, np.int32))
     ]
@@ -71,7 +74,8 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Fiel
             points = world.lower + (some[:, None, None] + (places << level)) * h
             arrays, coarse = _sampled(collision, members, h * 2**level, points, level == 0)
             i, j = (some // cells).T
-            at, numbers = steps[: 1 << level], (size + np.arange(len(some))) << LEVEL_BITS | level
+            at = steps[: 1 << level]
+            numbers = (size + np.arange(len(some))) << LEVEL_BITS | level
             table[i[:, None, None] + at[:, None], j[:, None, None] + at] = numbers[:, None, None]
             parts.append(arrays)
             size += len(some)
@@ -94,13 +98,17 @@ def _sampled(
     sharp = TUNING.sharp * r
     cutoff = (REACH if len(members) else TUNING.nothing) + r
     walls = collision.nearest_walls(points.reshape(-1, 2), members, cutoff, width)
-    near, far = (walls.first - r).reshape(shape), (walls.second - r).reshape(shape)
+    near = (walls.first - r).reshape(shape)
+    far = (walls.second - r).reshape(shape)
     label = walls.which.astype(np.int32).reshape(shape)
     away = np.maximum(near, 0.0) + least_r - math.sqrt(2.0) * width  # at least, of places in the cell that are free
     margin = width**2 / (4.0 * np.maximum(away, 0.5 * least_r))
     coarse = np.zeros((shape[0], shape[1] - 1, shape[2] - 1), dtype=np.bool_)
     if not finest:
-        (least, most), (low, high), (one, other) = _extremes(near), _extremes(far), _extremes(label)
+        least, most = _extremes(near)
+        low, high = _extremes(far)
+        one, other = _extremes(label)
+
         flat = _flat(walls, shape, one == other, most + r, width)
         changes = (least < sharp) & ((one != other) | (high - low > 1.5 * width) & (low < sharp))
         coarse = (most > max(-1.5 * width, -r)) & ((least < TUNING.band * width) & ~flat | changes)
@@ -136,7 +144,8 @@ def lattice(nx: int, ny: int) -> NDArray[np.int64]:
 
 def _near_blocks(collision: Collision, members: Sequence[int], width: float, counts: Array) -> Origins:
     """Return which of the coarsest blocks, of a width [m], may have a solid within the cutoff, (k, 2)."""
-    near, far = np.zeros(counts.astype(int), dtype=np.bool_), REACH + collision.footprint.radius
+    near = np.zeros(counts.astype(int), dtype=np.bool_)
+    far = REACH + collision.footprint.radius
     low, high = (side[list(members)] - collision.world.lower for side in collision.extents())
     first = np.clip(np.floor((low - far) / width), 0, near.shape).astype(int)
     last = np.clip(np.floor((high + far) / width) + 1, 0, near.shape).astype(int)

@@ -213,7 +213,8 @@ def _capsule(radius: float, middle: Array, span: Array) -> Any:
     length = float(np.hypot(span[0], span[1]))
     if length < 1e-9:
         return fcl.CollisionObject(fcl.Sphere(radius), fcl.Transform(middle))
-    c, s = span[0] / length, span[1] / length
+    c = span[0] / length
+    s = span[1] / length
     along_z = np.array([[-s, 0.0, c], [c, 0.0, s], [0.0, 1.0, 0.0]])  # the capsule's own axis is z
     return fcl.CollisionObject(fcl.Capsule(radius, length), fcl.Transform(along_z, middle))
 

@@ -70,7 +70,8 @@ class Field(Grid):
             cells = stride - 1
             size = (cells * n + 1 for n in table.shape)
             shape = (*size, stride, table.ctypes.data, table.shape[1], cells.bit_length() - 1)
-        corner, end = world.lower.astype(float), world.upper.astype(float)
+        corner = world.lower.astype(float)
+        end = world.upper.astype(float)
         addresses = (array.ctypes.data for array in arrays)
         field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *shape, *addresses, *corner, *end)
         field.arrays, field.blocks = arrays, table
@@ -102,7 +103,8 @@ def border(field, x, y):  # type: ignore[no-untyped-def]
 @inlined
 def finest_cell(field, x, y):  # type: ignore[no-untyped-def]
     """Return (x, y) [m] in spacings from the grid's first point, and the cell (i, j) of the finest grid."""
-    fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
+    fx = (x - field.x0) * field.per
+    fy = (y - field.y0) * field.per
     i = min(max(np.int32(fx), np.int32(0)), np.int32(field.nx - 2))
     j = min(max(np.int32(fy), np.int32(0)), np.int32(field.ny - 2))
     return fx, fy, i, j
@@ -123,32 +125,44 @@ def cell_in_block(field, fx, fy, i, j):  # type: ignore[no-untyped-def]
     entry = load_int32(field.table, (i >> field.shift) * field.columns + (j >> field.shift))
     level = entry & ((1 << LEVEL_BITS) - 1)
     span = field.shift + level
-    bi, bj = (i >> span) << span, (j >> span) << span
-    ci, cj = (i - bi) >> level, (j - bj) >> level
+
+    bi = (i >> span) << span
+    bj = (j >> span) << span
+    ci = (i - bi) >> level
+    cj = (j - bj) >> level
+
     share = ONE / np.float32(1 << level)
     at = ((entry >> LEVEL_BITS) * field.stride + ci) * field.stride + cj
-    u, v = (fx - np.float32(bi)) * share - np.float32(ci), (fy - np.float32(bj)) * share - np.float32(cj)
+    u = (fx - np.float32(bi)) * share - np.float32(ci)
+    v = (fy - np.float32(bj)) * share - np.float32(cj)
+
     return at, u, v, field.per * share
 
 
 @inlined
 def bilinear(a, b, c, d, u, v):  # type: ignore[no-untyped-def]
     """Return the value at (u, v), 0 to 1 each, in a cell; corners a, b are in the first column, c, d in the second."""
-    low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
+    low = a * (ONE - v) + b * v
+    high = c * (ONE - v) + d * v
+
     return low * (ONE - u) + high * u
 
 
 @inlined
 def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
     """Return the bilinear value and its gradient (d/dx, d/dy) [value/m], with `per` cells per meter [1/m]."""
-    low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
+    low = a * (ONE - v) + b * v
+    high = c * (ONE - v) + d * v
+
     return low * (ONE - u) + high * u, (high - low) * per, ((b - a) * (ONE - u) + (d - c) * u) * per
 
 
 @inlined
 def _corners(field, grid, x, y):  # type: ignore[no-untyped-def]
     at, u, v, per = cell_of(field, x, y)
-    a, b = load_float32(grid, at), load_float32(grid, at + 1)
+    a = load_float32(grid, at)
+    b = load_float32(grid, at + 1)
+
     return a, b, load_float32(grid, at + field.stride), load_float32(grid, at + field.stride + 1), u, v, per
 
 
@@ -170,7 +184,9 @@ def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
 def closest(field, x, y):  # type: ignore[no-untyped-def]
     """Return the index of the point closest to (x, y) [m], (x, y) as seen from it [m], and the spacing there [m]."""
     at, u, v, per = cell_of(field, x, y)
-    i, j = (1 if u >= 0.5 else 0), (1 if v >= 0.5 else 0)
+    i = 1 if u >= 0.5 else 0
+    j = 1 if v >= 0.5 else 0
+
     return at + i * field.stride + j, (u - i) / per, (v - j) / per, 1.0 / per
 
 
@@ -199,34 +215,52 @@ def clearances(field, points, out):  # type: ignore[no-untyped-def]
 @inlined
 def two_walls(field, x, y):  # type: ignore[no-untyped-def]
     """Return the two nearest walls at (x, y) [m], border included: distance [m] and unit vector away from it, each."""
-    nearest, second = with_slope(field, field.nearest, x, y), with_slope(field, field.second, x, y)
+    nearest = with_slope(field, field.nearest, x, y)
+    second = with_slope(field, field.second, x, y)
+
     return walls_of(field, x, y, nearest, second)
 
 
 @inlined
 def _with_edge(e, ex, ey, c, nx, ny, d, mx, my):  # type: ignore[no-untyped-def]
     """Return the two nearest of three walls, the last two of which are in order."""
-    first, later = e < c, e < d
-    d, mx, my = (
-        c if first else (e if later else d),
-        nx if first else (ex if later else mx),
-        ny if first else (ey if later else my),
-    )
+    first = e < c
+    later = e < d
+
+    d = c if first else (e if later else d)
+    mx = nx if first else (ex if later else mx)
+    my = ny if first else (ey if later else my)
+
     return e if first else c, ex if first else nx, ey if first else ny, d, mx, my
 
 
 @inlined
 def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
     """Return the two nearest walls from clearances (c, gx, gy) [m] of two obstacles, in single precision."""
-    c, nx, ny = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
-    d, mx, my = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
+    c = np.float32(nearest[0])
+    nx = np.float32(nearest[1])
+    ny = np.float32(nearest[2])
+
+    d = np.float32(second[0])
+    mx = np.float32(second[1])
+    my = np.float32(second[2])
     d = d if mx * mx + my * my < np.float32(2.0) else np.float32(1e6)  # steeper than a distance can be: another wall
+
     tiny = np.float32(1e-12)  # for places on a wall
-    one, other = ONE / math.sqrt(nx * nx + ny * ny + tiny), ONE / math.sqrt(mx * mx + my * my + tiny)
-    nx, ny, mx, my = one * nx, one * ny, other * mx, other * my
-    left, right = np.float32(x - field.left), np.float32(field.right - x)
-    low, high = np.float32(y - field.low), np.float32(field.high - y)
-    across, along = min(left, right), min(low, high)
-    side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
+    one = ONE / math.sqrt(nx * nx + ny * ny + tiny)
+    other = ONE / math.sqrt(mx * mx + my * my + tiny)
+    nx, ny = one * nx, one * ny
+    mx, my = other * mx, other * my
+
+    left = np.float32(x - field.left)
+    right = np.float32(field.right - x)
+    low = np.float32(y - field.low)
+    high = np.float32(field.high - y)
+
+    across = min(left, right)
+    along = min(low, high)
+    side = ONE if left < right else -ONE
+    level = ONE if low < high else -ONE
+
     c, nx, ny, d, mx, my = _with_edge(across, side, ZERO, c, nx, ny, d, mx, my)
     return _with_edge(along, ZERO, level, c, nx, ny, d, mx, my)

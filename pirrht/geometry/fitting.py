@@ -6,12 +6,13 @@ then the maximum of two 1-Lipschitz functions, so every certificate that rests o
 of the minimum of the clearance with the smaller radius and the distance to the rim of that disc.
 """
 
+import math
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.errors import SceneError
 from pirrht.geometry.blocks import lattice
 from pirrht.geometry.collision import SHORTEST, Collision
@@ -111,14 +112,47 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
         return None
     greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, found + 1)))[pieces]
     inside = (clearance >= TUNING.similar * greatest) & (greatest >= TUNING.similar * greatest.max())
-    centers, away = places[inside], np.rint((goal.radius - to_rim[inside]) / cell)
+    centers = places[inside]
+    away = np.rint((goal.radius - to_rim[inside]) / cell)
     center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
 
 
+def margin_left(scene: Scene, collision: Collision, start: Array) -> float | None:
+    """Return a margin [m] that leaves a path from a point (2,) [m] to the goal, 0 for none, where this one does not.
+
+    None: this one does, or a grid cannot tell. Only static obstacles count.
+    """
+    from scipy.ndimage import label
+
+    span = (scene.upper - scene.lower).astype(float)
+    spacing = math.sqrt(float(np.prod(span)) / TUNING.path_points)
+    shape = tuple(np.ceil(span / spacing).astype(int))
+    points = (scene.lower + spacing * lattice(*shape)).reshape(-1, 2)
+    begin = np.hypot(*(points - start).T) <= spacing
+    goal = np.hypot(*(points - scene.goal.center).T) <= max(scene.goal.radius, spacing)
+
+    def leads(passable: BoolArray) -> bool:
+        pieces = label(passable.reshape(shape))[0].ravel()
+        return bool(np.intersect1d(pieces[begin], pieces[goal]).any())  # piece 0 is blocked
+
+    if leads(collision.clearance(points) > -spacing):
+        return None
+    free = collision.true_distance(points) - scene.body.radius - spacing  # between the points as well
+    lowest, highest = 0.0, scene.margin
+    for _ in range(TUNING.path_halvings):
+        middle = 0.5 * (lowest + highest)
+        if leads(free > middle):
+            lowest = middle
+        else:
+            highest = middle
+    return lowest
+
+
 def waived_along(scene: Scene, line: Array) -> float:
     """Return the most by which the margin is smaller in the narrow passages of a path (l, 2), a polyline [m]."""
-    tails, span = line[:-1], np.diff(line, axis=0)
+    tails = line[:-1]
+    span = np.diff(line, axis=0)
     square = np.maximum((span**2).sum(axis=1), 1e-300)
     most = 0.0
     for disc in scene.narrow:

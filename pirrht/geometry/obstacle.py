@@ -36,7 +36,9 @@ _UNIT = np.eye(3)
 
 def about_vertical(yaw: float) -> Array:
     """Return the rotation (3, 3) by a yaw [rad]."""
-    c, s = math.cos(yaw), math.sin(yaw)
+    c = math.cos(yaw)
+    s = math.sin(yaw)
+
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -68,7 +70,8 @@ class Obstacle:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not isinstance(self.kind, Kind):
             raise SceneError(f"obstacle {short(self.name)} is {short(self.kind)}; give a text as its name, and a Kind")
-        label, used = f"obstacle {self.name!r}", _SIZES[self.kind]
+        label = f"obstacle {self.name!r}"
+        used = _SIZES[self.kind]
         size = numbers(self.size, (3,), f"{label}: size", "MuJoCo's three sizes of its kind [m]")
         position = numbers(self.position, (3,), f"{label}: position", "x, y, z [m]")
         rotation = numbers(self.rotation, (3, 3), f"{label}: rotation", "a matrix (3, 3)")
@@ -157,7 +160,9 @@ class Motion:
 
     def velocity(self, time: float) -> Array:
         """Return rates of x, y [m/s] and yaw [rad/s] that led to where it is at a time [s], (3,)."""
-        t, period = time + self.offset, float(self.rows[-1, 0])
+        t = time + self.offset
+        period = float(self.rows[-1, 0])
+
         if len(self.rows) < 2 or t < 0.0 or (t > period and not self.repeat):
             return np.zeros(3)
         if self.repeat and t > period:
@@ -196,5 +201,7 @@ class Mover:
     def at(self, time: float) -> tuple[Obstacle, ...]:
         """Return its solids in the world at a time [s]."""
         x, y, yaw = self.motion.pose_at(time)
-        turn, shift = about_vertical(yaw), np.array([x, y, 0.0])
+        turn = about_vertical(yaw)
+        shift = np.array([x, y, 0.0])
+
         return tuple(replace(o, position=turn @ o.position + shift, rotation=turn @ o.rotation) for o in self.solids)

@@ -72,7 +72,9 @@ class Passages:
 
 def _side(tails: Array, heads: Array, points: Array) -> Array:
     """Return on which side of lines 2 x (k, 2) points (l, 2) lie: (k, l), positive to the left [m^2]."""
-    along, to = heads - tails, points[None] - tails[:, None]
+    along = heads - tails
+    to = points[None] - tails[:, None]
+
     return np.asarray(along[:, :1] * to[..., 1] - along[:, 1:] * to[..., 0])
 
 
@@ -80,7 +82,8 @@ def find_passages(field: Field, collision: Collision) -> Passages:
     """Find every passage that a robot can use by the clearance field; FCL decides where that is unsure."""
     radius = collision.footprint.radius
     found = np.empty((0, 4))  # x, y, heading, clearance
-    walks, work = [], np.empty((2 * TUNING.walk_steps + 2, 4))
+    walks = []
+    work = np.empty((2 * TUNING.walk_steps + 2, 4))
     ends = []  # distance and clearance of both ends of an axis
     stride, places = narrow_places(field, radius)
     for row, column in places.tolist():
@@ -111,7 +114,10 @@ def find_passages(field: Field, collision: Collision) -> Passages:
 @kernel
 def _greatest(field, i, j, stride):  # type: ignore[no-untyped-def]
     """Return the greatest clearance [m] in the square that begins at grid point (i, j), and where, (x, y) [m]."""
-    h, best, at_x, at_y = field.spacing, -np.inf, 0.0, 0.0
+    h = field.spacing
+    best = -np.inf
+    at_x, at_y = 0.0, 0.0
+
     wide = cell_of(field, field.x0 + (i + 0.5) * h, field.y0 + (j + 0.5) * h)[3] * h * 4.0 <= 1.0
     step = stride if wide else 1  # if its cells hold whole squares the greatest value is at a corner
     for k in range(i, min(i + stride + (1 if wide else 0), field.nx), step):
@@ -152,7 +158,9 @@ def _end_of_chord(field, x, y, ux, uy, most):  # type: ignore[no-untyped-def]
 def _chord(field, x, y, angle, most):  # type: ignore[no-untyped-def]
     """Return the length of the chord through (x, y) at an angle [rad], and how far its middle is from there [m]."""
     ux, uy = math.cos(angle), math.sin(angle)
-    ahead, behind = _end_of_chord(field, x, y, ux, uy, most), _end_of_chord(field, x, y, -ux, -uy, most)
+    ahead = _end_of_chord(field, x, y, ux, uy, most)
+    behind = _end_of_chord(field, x, y, -ux, -uy, most)
+
     return ahead + behind, 0.5 * (ahead - behind)
 
 
@@ -170,27 +178,33 @@ def _centre(field, radius, middle):  # type: ignore[no-untyped-def]
                 shortest, angle = length, trial
         length = _narrowest(field, radius, middle, angle, most)
         step *= 0.25
-    middle[2], middle[3] = angle + 0.5 * np.pi, 0.5 * length - field.spacing
+    middle[2] = angle + 0.5 * np.pi
+    middle[3] = 0.5 * length - field.spacing
+
     return middle[3] > -0.5 * field.spacing**2 / radius
 
 
 @kernel
 def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-def]
     """Move (x, y) to the middle of the shortest chord at an angle [rad], to both sides of it; return its length [m]."""
-    ux, uy, move = math.cos(angle), math.sin(angle), radius
+    ux, uy = math.cos(angle), math.sin(angle)
+    move = radius
     best, shift = _chord(field, middle[0], middle[1], angle, most)
     middle[0] += shift * ux
     middle[1] += shift * uy
     for _ in range(TUNING.chord_moves):
         shorter = False
         for side in (-move, move):
-            x, y = middle[0] - side * uy, middle[1] + side * ux
+            x = middle[0] - side * uy
+            y = middle[1] + side * ux
+
             if clearance(field, x, y) <= -field.spacing:  # where the passage bends, this is in a wall
                 continue
             length, shift = _chord(field, x, y, angle, most)
             if length < best - TUNING.chord_gain * move:
                 best, shorter = length, True
-                middle[0], middle[1] = x + shift * ux, y + shift * uy
+                middle[0] = x + shift * ux
+                middle[1] = y + shift * uy
         if not shorter:
             move *= 0.5
     return best
@@ -211,30 +225,46 @@ def _walk(field, radius, middle, out):  # type: ignore[no-untyped-def]
 @kernel
 def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untyped-def]
     """Walk along the axis to one side until it is wide; corners are written only where the axis bends."""
-    ux, uy = side * math.cos(middle[2]), side * math.sin(middle[2])
-    x, y, step, least = middle[0], middle[1], TUNING.walk_step * radius, middle[3]
+    ux = side * math.cos(middle[2])
+    uy = side * math.sin(middle[2])
+
+    x, y = middle[0], middle[1]
+    step = TUNING.walk_step * radius
+    least = middle[3]
+
     from_x, from_y, heading = x, y, middle[2]
     for _ in range(TUNING.walk_steps):
-        next_x, next_y = x + step * ux, y + step * uy
+        next_x = x + step * ux
+        next_y = y + step * uy
         most = 2.0 * (max(clearance(field, x, y), 0.0) + radius)
         length, shift = _chord(field, next_x, next_y, math.atan2(ux, -uy), most)
         if length < 2.0 * most - step:
             shift = min(max(shift, -step), step)
-            next_x, next_y = next_x - shift * uy, next_y + shift * ux
+            next_x = next_x - shift * uy
+            next_y = next_y + shift * ux
         c = clearance(field, next_x, next_y)
         if c < min(least, 0.0) - 0.5 * field.spacing:
             break
         if certify_segment(field, from_x, from_y, next_x, next_y, False) != FREE and (x != from_x or y != from_y):
-            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, heading, clearance(field, x, y)
+            out[count, 0] = x
+            out[count, 1] = y
+            out[count, 2] = heading
+            out[count, 3] = clearance(field, x, y)
+
             from_x, from_y = x, y
             count += 1
         gap = math.hypot(next_x - x, next_y - y)
-        ux, uy = (next_x - x) / gap, (next_y - y) / gap
+        ux = (next_x - x) / gap
+        uy = (next_y - y) / gap
         x, y, heading = next_x, next_y, math.atan2(side * uy, side * ux)
         if c > least + TUNING.walk_wider * radius:
             break
     if x != from_x or y != from_y:
-        out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, heading, clearance(field, x, y)
+        out[count, 0] = x
+        out[count, 1] = y
+        out[count, 2] = heading
+        out[count, 3] = clearance(field, x, y)
+
         count += 1
     return count
 
@@ -263,7 +293,9 @@ def narrow_places(field: Field, radius: float) -> tuple[int, IntArray]:
     level = np.rint((value[near] + radius) * (65535.0 / max(value.max() + radius, 1e-9))).astype(np.uint16)
     rising = near[np.argsort(level, kind="stable")].astype(np.int32)  # a radix sort
     open_space = np.flatnonzero(value[:-1] >= REACH).astype(np.int32)
-    found, root = np.zeros(len(value), dtype=np.bool_), np.full(len(value), -1, dtype=np.int32)
+
+    found = np.zeros(len(value), dtype=np.bool_)
+    root = np.full(len(value), -1, dtype=np.int32)
     steps = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])  # four meet at sides
     _sweep(squares, open_space, steps, np.inf, root, found)
     _sweep(squares, np.ascontiguousarray(rising[::-1]), steps, TUNING.room_depth * field.spacing, root, found)
@@ -278,11 +310,13 @@ def narrow_places(field: Field, radius: float) -> tuple[int, IntArray]:
 
 def _pages_of(field: Field, stride: int, radius: float) -> Pages:
     if field.blocks is None:
-        side, near = max(-(-field.nx // stride), -(-field.ny // stride)), np.ones((1, 1), dtype=np.bool_)
+        side = max(-(-field.nx // stride), -(-field.ny // stride))
+        near = np.ones((1, 1), dtype=np.bool_)
     else:
         side = ((field.stride - 1) << (LEVELS - 1)) // stride
         near = (field.blocks[:: 1 << (LEVELS - 1), :: 1 << (LEVELS - 1)] >> LEVEL_BITS) != 0
-    place, lonely = np.argwhere(near), np.argwhere(~near)
+    place = np.argwhere(near)
+    lonely = np.argwhere(~near)
     first = np.empty(near.shape, dtype=np.int64)
     empty = len(place) * side**2
     first[near] = np.arange(len(place)) * side**2
@@ -299,7 +333,8 @@ def _fill(field, place, side, stride, radius, value):  # type: ignore[no-untyped
     for page in range(len(place)):
         for a in range(side):
             for b in range(side):
-                i, j = (place[page, 0] * side + a) * stride, (place[page, 1] * side + b) * stride
+                i = (place[page, 0] * side + a) * stride
+                j = (place[page, 1] * side + b) * stride
                 value[at] = min(max(_greatest(field, i, j, stride)[0], -radius), REACH)
                 at += 1
 
@@ -309,11 +344,18 @@ def _next_square(squares, p, di, dj):  # type: ignore[no-untyped-def]
     """Return the square (di, dj) from square p; -1 where an empty page meets another kind."""
     side, (rows, columns), empty = squares.side, squares.first.shape, squares.empty
     if p >= empty:
-        page, a, b = squares.near + p - empty, side * di, side * dj
+        page = squares.near + p - empty
+        a = side * di
+        b = side * dj
     else:
-        page, square = p // (side * side), p % (side * side)
-        a, b = square // side + di, square % side + dj
-    i, j = squares.place[page, 0] + a // side, squares.place[page, 1] + b // side
+        page = p // (side * side)
+        square = p % (side * side)
+        a = square // side + di
+        b = square % side + dj
+
+    i = squares.place[page, 0] + a // side
+    j = squares.place[page, 1] + b // side
+
     if not (0 <= i < rows and 0 <= j < columns):
         return len(squares.value) - 1
     q = squares.first[i, j]
@@ -333,10 +375,14 @@ def _sweep(squares, order, steps, least, root, found):  # type: ignore[no-untype
             q = _next_square(squares, p, steps[s, 0], steps[s, 1])
             if q < 0 or root[q] < 0:
                 continue
-            one, other = root_of(root, p), root_of(root, q)
+            one = root_of(root, p)
+            other = root_of(root, q)
+
             if one == other:
                 continue
-            deep, deeper = abs(value[one] - value[p]), abs(value[other] - value[p])
+            deep = abs(value[one] - value[p])
+            deeper = abs(value[other] - value[p])
+
             if min(deep, deeper) > least:
                 found[p] = True
             if deep < deeper:

@@ -48,7 +48,9 @@ def _stretched(occupied: Cells) -> Rectangles:
     runs = np.column_stack([row * columns + first, row * columns + end]).ravel()
     occupied_along = np.zeros((2, rows * columns + 1), np.int32)  # in a row, upwards and downwards from each
     for heights, order in zip(occupied_along, (range(rows), range(rows - 1, -1, -1)), strict=True):
-        grid, last = heights[:-1].reshape(rows, columns), np.zeros(columns, np.int32)
+        grid = heights[:-1].reshape(rows, columns)
+        last = np.zeros(columns, np.int32)
+
         for r in order:
             last = grid[r] = (last + 1) * occupied[r]
     up, down = (np.minimum.reduceat(heights, runs)[::2] for heights in occupied_along)
@@ -78,8 +80,10 @@ def _taken(rectangles, rows, columns):  # type: ignore[no-untyped-def]
     `down[c, r]` is the same of rows. A rectangle takes as many searches as its shorter side has cells, and one for
     each cell it covers first: together at most as many as there are cells, since each candidate has a run for a side.
     """
-    right, down = np.empty((rows, columns + 1), np.int32), np.empty((columns, rows + 1), np.int32)
-    right[:], down[:] = np.arange(columns + 1), np.arange(rows + 1)
+    right = np.empty((rows, columns + 1), np.int32)
+    down = np.empty((columns, rows + 1), np.int32)
+    right[:] = np.arange(columns + 1)
+    down[:] = np.arange(rows + 1)
     taken = np.zeros(len(rectangles), np.bool_)
     for k in range(len(rectangles)):
         r0, r1, c0, c1 = rectangles[k]
@@ -97,7 +101,8 @@ def _cover(along, across, first, end, low, high):  # type: ignore[no-untyped-def
     for line in range(first, end):
         at = root_of(along[line], low)
         while at < high:
-            along[line, at], across[at, line] = at + 1, line + 1
+            along[line, at] = at + 1
+            across[at, line] = line + 1
             new = True
             at = root_of(along[line], at)
     return new

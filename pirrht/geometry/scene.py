@@ -148,7 +148,9 @@ class Scene:
     waivers: tuple[Waiver, ...] = ()
 
     def __repr__(self) -> str:
-        (across, up), count = self.upper - self.lower, len(self.obstacles)
+        across, up = self.upper - self.lower
+        count = len(self.obstacles)
+
         return (
             f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {count} obstacle{'s' if count != 1 else ''}, "
             f"{len(self.movers)} that move, from {formatting.vector(self.start[:2])} to "

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.scene import Kind, Obstacle
 from pirrht.geometry.tuning import TUNING
-from pirrht.jit.jit import borrowing, inlined, kernel, part
+from pirrht.jit.jit import as_tuple, borrowing, inlined, kernel, part
 
 PROBE = TUNING.probe
 FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE, Kind.ELLIPSOID)
@@ -77,7 +77,8 @@ def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
     a, b, c = (float(s) for s in obstacle.size)
     if obstacle.kind is Kind.MESH:
         assert obstacle.vertices is not None
-        low, high = obstacle.vertices.min(axis=0), obstacle.vertices.max(axis=0)
+        low = obstacle.vertices.min(axis=0)
+        high = obstacle.vertices.max(axis=0)
     else:
         extents = {Kind.CYLINDER: (a, a, b), Kind.SPHERE: (a, a, a), Kind.CAPSULE: (a, a, a + b)}
         high = np.array(extents.get(obstacle.kind, (a, b, c)))
@@ -91,10 +92,15 @@ def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
 def outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     """Return the distance from a solid to a point in its own frame, at most 0 inside [m]."""
     if form == 0:
-        x, y, z = max(abs(x) - a, 0.0), max(abs(y) - b, 0.0), max(abs(z) - c, 0.0)
+        x = max(abs(x) - a, 0.0)
+        y = max(abs(y) - b, 0.0)
+        z = max(abs(z) - c, 0.0)
+
         return math.sqrt(x * x + y * y + z * z)
     if form == 1:
-        r, h = max(math.sqrt(x * x + y * y) - a, 0.0), max(abs(z) - b, 0.0)
+        r = max(math.sqrt(x * x + y * y) - a, 0.0)
+        h = max(abs(z) - b, 0.0)
+
         return math.sqrt(r * r + h * h)
     if form == 4:
         ex, ey, ez = _off_ellipsoid(a, b, c, x, y, z)
@@ -109,8 +115,14 @@ def _off_ellipsoid(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     """Return the vector from an ellipsoid's nearest point, in its frame, zero inside [m], by Newton's method."""
     t = max(max(a * (abs(x) - a), b * (abs(y) - b)), max(c * (abs(z) - c), 0.0))
     while True:
-        p, q, r = a * a + t, b * b + t, c * c + t
-        fx, fy, fz = (a * x / p) ** 2, (b * y / q) ** 2, (c * z / r) ** 2
+        p = a * a + t
+        q = b * b + t
+        r = c * c + t
+
+        fx = (a * x / p) ** 2
+        fy = (b * y / q) ** 2
+        fz = (c * z / r) ** 2
+
         step = 0.5 * (fx + fy + fz - 1.0) / (fx / p + fy / q + fz / r + 1e-300)
         if not step > 1e-15 * p:
             return t * x / p, t * y / q, t * z / r
@@ -125,18 +137,30 @@ def _off_hull(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """
     best, near = math.inf, (0.0, 0.0, 0.0)
     for f in range(solids.face[m], solids.face[m + 1]):
-        corner, (nx, ny, nz) = solids.corner[f], (solids.normal[f, 0], solids.normal[f, 1], solids.normal[f, 2])
+        corner = solids.corner[f]
+        nx, ny, nz = as_tuple(solids.normal[f], 3)
         height = nx * (x - corner[0, 0]) + ny * (y - corner[0, 1]) + nz * (z - corner[0, 2])
         if height <= 0.0 or height >= best:
             continue
         above = True
         for k in range(3):
-            a, b = corner[k], corner[(k + 1) % 3]
-            ex, ey, ez, wx, wy, wz = b[0] - a[0], b[1] - a[1], b[2] - a[2], x - a[0], y - a[1], z - a[2]
+            a = corner[k]
+            b = corner[(k + 1) % 3]
+
+            ex = b[0] - a[0]
+            ey = b[1] - a[1]
+            ez = b[2] - a[2]
+
+            wx = x - a[0]
+            wy = y - a[1]
+            wz = z - a[2]
+
             if nx * (ey * wz - ez * wy) + ny * (ez * wx - ex * wz) + nz * (ex * wy - ey * wx) < 0.0:
                 above = False
                 s = min(max((ex * wx + ey * wy + ez * wz) / (ex * ex + ey * ey + ez * ez), 0.0), 1.0)
-                wx, wy, wz = wx - s * ex, wy - s * ey, wz - s * ez
+                wx = wx - s * ex
+                wy = wy - s * ey
+                wz = wz - s * ez
                 d = math.sqrt(wx * wx + wy * wy + wz * wz)
                 if d < best:
                     best, near = d, (wx, wy, wz)
@@ -148,7 +172,10 @@ def _off_hull(solids, m, x, y, z):  # type: ignore[no-untyped-def]
 @part
 def _in_frame(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """Return a point (x, y, z) in solid m's own frame [m]."""
-    dx, dy, dz = x - solids.position[m, 0], y - solids.position[m, 1], z - solids.position[m, 2]
+    dx = x - solids.position[m, 0]
+    dy = y - solids.position[m, 1]
+    dz = z - solids.position[m, 2]
+
     R = solids.rotation[m]
     return (
         R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
@@ -184,7 +211,9 @@ def distances(solids, members, points, height, out):  # type: ignore[no-untyped-
 @part
 def square_to(low, high, m, x, y):  # type: ignore[no-untyped-def]
     """Return the square of the distance from (x, y) to the rectangle around a solid [m^2]."""
-    dx, dy = max(max(low[m, 0] - x, x - high[m, 0]), 0.0), max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
+    dx = max(max(low[m, 0] - x, x - high[m, 0]), 0.0)
+    dy = max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
+
     return dx * dx + dy * dy
 
 
@@ -211,7 +240,8 @@ def offset_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     if solids.form[m] < 0:
         ex, ey, _ = _off_hull(solids, m, x, y, z)
         return ex, ey
-    size, R = solids.size[m], solids.rotation[m]
+    size = solids.size[m]
+    R = solids.rotation[m]
     x, y, z = _in_frame(solids, m, x, y, z)
     ex, ey, ez = offset_of(solids.form[m], size[0], size[1], size[2], x, y, z)
     return R[0, 0] * ex + R[0, 1] * ey + R[0, 2] * ez, R[1, 0] * ex + R[1, 1] * ey + R[1, 2] * ez

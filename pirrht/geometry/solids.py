@@ -75,10 +75,12 @@ def _upright(name: str, kind: Kind, size: Array, xy: Array, yaw: float = 0.0) ->
 
 def _prism(name: str, corners: Array, height: float) -> Obstacle:
     """Make a mesh of a convex polygon (l, 2), counter-clockwise, with a floor and a ceiling."""
-    count, middle = len(corners), corners.mean(axis=0)
+    count = len(corners)
+    middle = corners.mean(axis=0)
     z = np.repeat([-0.5 * height, 0.5 * height], count)
     fan = np.array([[0, k, k + 1] for k in range(1, count - 1)])
-    here, there = np.arange(count), np.roll(np.arange(count), -1)
+    here = np.arange(count)
+    there = np.roll(np.arange(count), -1)
     sides = [np.column_stack([here, there, there + count]), np.column_stack([here, there + count, here + count])]
     return Obstacle(
         name=name, kind=Kind.MESH, size=np.zeros(3), position=np.array([*middle, 0.5 * height]), rotation=np.eye(3),
@@ -113,13 +115,19 @@ def _cross(a: Array, b: Array) -> Array:
 
 def _turn(corners: Sequence[Array], k: int) -> float:
     """Return by how much a polygon turns at its corner k, positive to the left."""
-    before, here, after = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
+    before = corners[k - 1]
+    here = corners[k]
+    after = corners[(k + 1) % len(corners)]
+
     return float(_cross(here - before, after - here))
 
 
 def _is_ear(corners: Sequence[Array], k: int) -> bool:
     """Return whether the triangle at corner k of a simple polygon can be cut off."""
-    a, b, c = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
+    a = corners[k - 1]
+    b = corners[k]
+    c = corners[(k + 1) % len(corners)]
+
     if _turn(corners, k) <= 0:
         return _turn(corners, k) == 0
     p = np.array([q for q in corners if not any(np.array_equal(q, own) for own in (a, b, c))]).reshape(-1, 2)
@@ -132,7 +140,8 @@ def _crosses_itself(corners: Array) -> bool:
     a, b = corners, np.roll(corners, -1, axis=0)
     ends = [np.sign(_cross((b - a)[:, None], end[None] - a[:, None])) for end in (a, b)]
     apart = ends[0] * ends[1]  # (l, l) -1 where the ends of one side lie apart, seen from another
-    low, high = np.minimum(a, b), np.maximum(a, b)
+    low = np.minimum(a, b)
+    high = np.maximum(a, b)
     near = np.all((low[:, None] <= high[None]) & (low[None] <= high[:, None]), axis=-1)
     meet = (apart <= 0) & (apart.T <= 0) & near
     gap = np.abs(np.subtract.outer(np.arange(len(a)), np.arange(len(a))))

@@ -50,6 +50,9 @@ class GeometryTuning(NamedTuple):
     max_reach: float = 64.0  # radius of the largest waiver that is searched for a path out [body radii]
     goal_lattice: int = 32  # points in a goal's radius
     similar: float = 0.5  # share of the greatest clearance or radius from which on a place in a goal disc is as good
+    # Widest path, where there is none
+    path_points: float = 60_000.0  # of a grid, in some tenths of a second
+    path_halvings: int = 16  # of the interval in which its clearance lies
     # Walls from plain numbers
     wall_height: float = 0.5  # [m]; more for a robot whose centre is higher
     farthest: float = 1e6  # any number of a scene [m, rad, s]: beyond, a double is no longer fine to a micrometre

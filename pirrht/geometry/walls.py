@@ -36,10 +36,15 @@ def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
     Their directions are more than 60 degrees apart, and the point rises from the plane of the nearer wall, as that of
     a box does not which stands in line with it further on. From within a solid and from below all are apart.
     """
-    along, square, other = ex * ax + ey * ay, ax * ax + ay * ay, ex * ex + ey * ey
+    along = ex * ax + ey * ay
+    square = ax * ax + ay * ay
+    other = ex * ex + ey * ey
+
     if along <= 0.0:
         return True
-    rise, between = square - along, square - 2.0 * along + other  # the rise times the nearer distance
+    rise = square - along  # times the nearer distance, as the next one
+    between = square - 2.0 * along + other
+
     if rise <= 0.0 or rise * rise < RISE_SINE * RISE_SINE * square * between:
         return False
     return along * along < APART_COSINE * APART_COSINE * square * other
@@ -93,7 +98,11 @@ def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untype
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         begin, end = bin_at(bins, x, y)
-        best, later, at = first[i], first[i], -1
+
+        best = first[i]
+        later = first[i]
+        at = -1
+
         for k in range(begin, end):
             m = member[k]
             if square_to(low, high, m, x, y) >= later * later:
@@ -132,7 +141,8 @@ def nearest_walls(solids: Solids, members: IntArray, points: Array, height: floa
     found = Found(first, second, np.full(k, -1, dtype=np.int64), np.zeros((k, 2)), other)
     if k == 0:
         return found
-    bins, threads = bins_of(solids, members, points, cutoff), len(os.sched_getaffinity(0))
+    bins = bins_of(solids, members, points, cutoff)
+    threads = len(os.sched_getaffinity(0))
 
     def work(start: int, stop: int) -> None:
         part = slice(start, stop)

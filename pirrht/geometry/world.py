@@ -193,9 +193,13 @@ def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
     """Return the two nearest of two static walls and `count` rows of `near` (J, WALL); none nearer than `widest`."""
     c, nx, ny, d, mx, my = walls
     for k in range(count):
-        e, ex, ey = np.float32(max(near[k, 0], widest)), np.float32(near[k, 1]), np.float32(near[k, 2])
+        e = np.float32(max(near[k, 0], widest))
+        ex = np.float32(near[k, 1])
+        ey = np.float32(near[k, 2])
+
         if e < c:
-            c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
+            d, mx, my = c, nx, ny
+            c, nx, ny = e, ex, ey
         elif e < d:
             d, mx, my = e, ex, ey
     return c, nx, ny, d, mx, my

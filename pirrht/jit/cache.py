@@ -273,7 +273,8 @@ def folder() -> Path:
     It is the first that this user may write to and nobody else. The variable is read from the environment, since a file
     of the current folder may change numba's own.
     """
-    user, place = os.geteuid() if hasattr(os, "geteuid") else "user", Path("pirrht", "kernels")
+    user = os.geteuid() if hasattr(os, "geteuid") else "user"
+    place = Path("pirrht", "kernels")
     homes = [os.environ.get("NUMBA_CACHE_DIR")]
     if homes == [None] or homes == [""]:
         homes = [str(_PACKAGE / "__pycache__"), os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")]

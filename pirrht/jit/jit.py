@@ -135,7 +135,8 @@ def caller(result: Any) -> Any:
 
 def _accessors(name: str) -> tuple[Any, Any]:
     """Make the functions (address, index) and (address, index, value) that load and store an element in kernels."""
-    kind, plain = getattr(types, name), np.ctypeslib.as_ctypes_type(name)
+    kind = getattr(types, name)
+    plain = np.ctypeslib.as_ctypes_type(name)
     number, exact = (getattr(np, name), float) if name.startswith("float") else (np.int64, int)  # as in kernels
 
     def element(address: int, index: int) -> Any:
@@ -188,7 +189,10 @@ def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
     found: dict[int, B] = {}
     errors: list[BaseException] = []
     busy: set[int] = set()  # threads
-    turn, total, over = count(), len(given), Event()  # a step of the first is atomic
+
+    turn = count()  # a step of it is atomic
+    total = len(given)
+    over = Event()
 
     def pull() -> None:
         busy.add(get_ident())
@@ -228,7 +232,8 @@ def over_ranges(work: Callable[[int, int], None], count: int, threads: int) -> N
 @cache
 def _pool(threads: int, process: int) -> ThreadPoolExecutor:
     """A pool whose threads all wait for work, begun by another thread than the main one, which signals strike."""
-    pool, all_here = ThreadPoolExecutor(threads), Barrier(threads)
+    pool = ThreadPoolExecutor(threads)
+    all_here = Barrier(threads)
     starter = Thread(target=lambda: wait([pool.submit(all_here.wait) for _ in range(threads)]))
     starter.start()
     starter.join()

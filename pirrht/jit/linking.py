@@ -248,7 +248,8 @@ class Entry(Code):
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any], *, by_address: bool = False) -> None:
         super().__init__(function, {}, options)
-        self.part, self.kind = Part(function, options), "pointer" if by_address else "entry"
+        self.part = Part(function, options)
+        self.kind = "pointer" if by_address else "entry"
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Return types of a call from a kernel."""
@@ -266,7 +267,8 @@ class Entry(Code):
     def _made(self, key: str | None, args: tuple[Any, ...]) -> CompileResult:
         """Link a part and all that it calls."""
         part, context = self.part.result_of(args), self.targetctx
-        described, library = copy(part.fndesc), context.codegen().create_library(self.py_func.__qualname__)
+        described = copy(part.fndesc)
+        library = context.codegen().create_library(self.py_func.__qualname__)
         described.env_name += "entry"  # where the wrapper keeps constants; the part's own is in other entries as well
         library.enable_object_caching()
         library.add_linking_library(part.library)

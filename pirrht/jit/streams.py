@@ -20,10 +20,21 @@ from pirrht.jit.jit import inlined, kernel
 ZERO, HALF, ONE, TWO = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0))
 GOLDEN, MIX_1, MIX_2 = (np.uint64(v) for v in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 UNIT = 1.0 / 9007199254740992.0  # 2^-53
-UPPER, SIGN, BIT = np.uint64(32), np.uint32(0x80000000), np.uint32(1)
-STEP, FIRST = np.float32(2.0**-31), np.float32(2.0**-32)  # of the uniforms that become radii
+
+UPPER = np.uint64(32)
+SIGN = np.uint32(0x80000000)
+BIT = np.uint32(1)
+
+# Of the uniforms that become radii:
+STEP = np.float32(2.0**-31)
+FIRST = np.float32(2.0**-32)
 EIGHTH = np.float32(math.pi / 4.0 * 2.0**-31)  # of a turn, per bit of an angle
-ROOT_HALF, MANTISSA, PLACES = np.uint32(0x3F3504F3), np.uint32(0x7FFFFF), np.int32(23)  # parts of a number's bits
+
+# Parts of a number's bits:
+ROOT_HALF = np.uint32(0x3F3504F3)
+MANTISSA = np.uint32(0x7FFFFF)
+PLACES = np.int32(23)
+
 LN_2 = np.float32(math.log(2.0))
 # Series to their first term below 2^-24: the area tangent up to (1 - sqrt(1/2)) / (1 + sqrt(1/2)), turns up to pi/4.
 A1, A2, A3, A4 = (np.float32(1.0 / (2 * k + 1)) for k in range(1, 5))
@@ -33,10 +44,16 @@ FAR = 12.0  # exponents beyond this are taken as certain survival
 CLOSEST = np.float32(0.3)  # deviations of a bridge, below which `exposure` takes distances as that
 SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall next to it at least, since lines turn
 MIN_VARIANCE = 1e-12  # variances are kept above this, where noise does not act towards a wall
-LOWEST, PER_LN_2 = np.float32(-87.0), np.float32(1.0 / math.log(2.0))
-LN_2_HIGH, LN_2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)  # their sum is log 2 beyond single precision
+LOWEST = np.float32(-87.0)
+PER_LN_2 = np.float32(1.0 / math.log(2.0))
+
+# Their sum is log 2 beyond single precision:
+LN_2_HIGH = np.float32(0.693359375)
+LN_2_LOW = np.float32(-2.12194440e-4)
+
 E2, E3, E4, E5, E6 = (np.float32(1.0 / math.factorial(k)) for k in range(2, 7))
-SHIFT, BIAS = np.uint32(23), np.int32(127)
+SHIFT = np.uint32(23)
+BIAS = np.int32(127)
 
 
 @inlined
@@ -138,7 +155,8 @@ def first_crossing(c0, c1, deviation, state):  # type: ignore[no-untyped-def]
     shape = (c0 / deviation) ** 2
     state, z, _ = normals(state)
     state, u = uniform(state)
-    slope, half = abs(c1) / c0, 0.5 * z * z / shape  # the first is one over the mean of s
+    slope = abs(c1) / c0  # one over the mean of s
+    half = 0.5 * z * z / shape
     s = 1.0 / (slope + half + math.sqrt(half * (half + 2.0 * slope)))
     if slope > 0.0 and u * (1.0 + slope * s) > 1.0:
         s = 1.0 / (slope * slope * s)
@@ -164,7 +182,9 @@ def exposure(c0, c1, deviation, span):  # type: ignore[no-untyped-def]
     """
     spread = deviation * math.sqrt(span)
     least = CLOSEST * spread
-    near, far = max(c0, least) / spread, max(c1, least) / spread
+    near = max(c0, least) / spread
+    far = max(c1, least) / spread
+
     if TWO * near * far > FAR:
         return ZERO
     missed = exponential(-TWO * near * far)

@@ -35,7 +35,8 @@ def copy_rows(source: NDArray[Any], out: NDArray[Any]) -> None:
 @kernel
 def solve(A, Y, X):  # type: ignore[no-untyped-def]
     """Solve A X = Y for small A (m, m) by elimination with row pivots; Y, X (m, k)."""
-    m, width = A.shape[0], A.shape[0] + Y.shape[1]
+    m = A.shape[0]
+    width = A.shape[0] + Y.shape[1]
     work = np.empty((m, width))  # both next to each other
     copy_rows(A, work[:, :m])
     copy_rows(Y, work[:, m:])
@@ -89,7 +90,9 @@ def _blended() -> Any:
         def plain(first: int, second: int, one: Any, other: Any, along: Any) -> tuple[Any, ...]:
             (a, b), (c, d) = (np.ctypeslib.as_array((ctypes.c_float * 8).from_address(int(at))).reshape(2, 4)
                                for at in (first, second))  # fmt: skip
-            low, high = a * (1 - one) + b * one, c * (1 - other) + d * other
+            low = a * (1 - one) + b * one
+            high = c * (1 - other) + d * other
+
             return tuple(low + along * (high - low))
 
         return plain
@@ -97,7 +100,8 @@ def _blended() -> Any:
     @intrinsic  # type: ignore[untyped-decorator]
     def blend(typing_context: Any, *_: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            kind, places = ir.VectorType(ir.FloatType(), 4), [ir.Constant(ir.IntType(32), k) for k in range(4)]
+            kind = ir.VectorType(ir.FloatType(), 4)
+            places = [ir.Constant(ir.IntType(32), k) for k in range(4)]
 
             def rows(address: Any) -> tuple[Any, Any]:
                 start = builder.inttoptr(address, kind.as_pointer())
@@ -112,7 +116,8 @@ def _blended() -> Any:
                 return builder.fadd(builder.fmul(low, fill(rest)), builder.fmul(high, fill(share)))
 
             first, second, one, other, along = cgutils.unpack_tuple(builder, values[0])
-            low, high = between(*rows(first), one), between(*rows(second), other)
+            low = between(*rows(first), one)
+            high = between(*rows(second), other)
             row = builder.fadd(low, builder.fmul(fill(along), builder.fsub(high, low)))
             numbers = [builder.extract_element(row, place) for place in places]
             return context.make_tuple(builder, signature.return_type, numbers)

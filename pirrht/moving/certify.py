@@ -37,8 +37,15 @@ def note_unsure(moving, leg, out):  # type: ignore[no-untyped-def]
 def certify_past(moving, j, leg):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for a straight step by obstacle j alone."""
     ax, ay, s, bx, by, t = leg
-    per, half, radius = 1.0 / (t - s) if t > s else 0.0, 0.5 * (t - s), disc_of(moving, j) + LEAST_STEP
-    ux, uy, now, verdict = (bx - ax) * per, (by - ay) * per, s, FREE
+
+    per = 1.0 / (t - s) if t > s else 0.0
+    half = 0.5 * (t - s)
+    radius = disc_of(moving, j) + LEAST_STEP
+
+    ux, uy = (bx - ax) * per, (by - ay) * per
+    now = s
+    verdict = FREE
+
     if not restart_of(moving, j, s) < t:
         ox, oy, _, _, _, _, _ = piece_of(moving, j, s + half)
         reach = half * (math.sqrt(ux * ux + uy * uy) + fastest_of(moving, j)) + LEAST_STEP
@@ -46,7 +53,11 @@ def certify_past(moving, j, leg):  # type: ignore[no-untyped-def]
             return FREE
     while True:
         ox, oy, yaw, vx, vy, turn, until = piece_of(moving, j, now)
-        x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + GEOMETRY.moment), t)
+
+        x = ax + (now - s) * ux
+        y = ay + (now - s) * uy
+        end = min(max(until, now + GEOMETRY.moment), t)
+
         begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, radius)
         if begin <= leaves:
             speed = math.hypot(ux - vx, uy - vy) + abs(turn) * disc_of(moving, j)
@@ -65,7 +76,10 @@ def within(x, y, vx, vy, duration, radius):  # type: ignore[no-untyped-def]
 
     The circle is around the origin, `radius` in [m], the duration in [s]; the second time is the lesser if it never is.
     """
-    gap, along, square = x * x + y * y - radius * radius, x * vx + y * vy, vx * vx + vy * vy
+    gap = x * x + y * y - radius * radius
+    along = x * vx + y * vy
+    square = vx * vx + vy * vy
+
     if gap > 0.0 and (along >= 0.0 or along * along < square * gap):
         return 1.0, 0.0
     if square == 0.0:
@@ -87,7 +101,8 @@ def _marched(moving, j, pose, way, now, end, speed):  # type: ignore[no-untyped-
         if load_int64(moving.form, TABLE * k) < 0:  # distances are those of a table
             error, least = moving.pitch, LEAST_STEP
     while True:
-        a, qx, qy = yaw + now * turn, x + now * ux, y + now * uy
+        a = yaw + now * turn
+        qx, qy = x + now * ux, y + now * uy
         c = clearance_facing(moving, j, ox + now * vx, oy + now * vy, math.cos(a), math.sin(a), qx, qy) - error
         if c < least:
             if c <= -2.0 * error:

@@ -57,7 +57,8 @@ class Body:
 
     def travel(self, begin: float, end: float) -> float:
         """Bound how far any of its points goes between two times [s], jumps aside [m]."""
-        (laps, s), (more, t) = self.lap(begin), self.lap(end)
+        laps, s = self.lap(begin)
+        more, t = self.lap(end)
         gone = np.interp([s, t], self._times, self._travelled)
         return float((more - laps) * self._travelled[-1] + gone[1] - gone[0])
 
@@ -96,7 +97,11 @@ class Body:
         while (until := (count + 1) * self._length - self._offset) <= end:
             middle = a + (until - begin) / max(end - begin, 1e-300) * (b - a)
             yield a, s, middle, self._length
-            a, begin, count, s = middle, until, count + 1, 0.0
+
+            a = middle
+            begin = until
+            count = count + 1
+            s = 0.0
         yield a, s, b, s + end - begin
 
 
@@ -129,7 +134,8 @@ class MovingObstacles:
                 self._each[j] = free, place[0], place[1], time, time - row_time if count else -inf, body.until(time)
                 best = min(best, free)
         if len(lower):
-            holds, ends = float(self._each[:, 4].max()), float(self._each[:, 5].min())
+            holds = float(self._each[:, 4].max())
+            ends = float(self._each[:, 5].min())
         self._all = best, float(place[0]), float(place[1]), time, holds, ends
         return best
 
@@ -162,7 +168,11 @@ class MovingObstacles:
 def _seen(both: Array) -> Array:
     """Return a place x, y [m] in the frame of a body at x, y [m] and a yaw [rad], (5,) -> (1, 2) [m]."""
     x, y, body_x, body_y, yaw = both.tolist()
-    c, s, dx, dy = cos(yaw), sin(yaw), x - body_x, y - body_y
+
+    c = cos(yaw)
+    s = sin(yaw)
+    dx, dy = x - body_x, y - body_y
+
     return np.array([[c * dx + s * dy, c * dy - s * dx]])
 
 
@@ -171,7 +181,8 @@ def _off_chord(begin: Array, end: Array) -> float:
 
     An eighth of its second derivative's bound: with r from the body and a turn w that is |w|^2 |r| + 2 |w| |dr|.
     """
-    (x, y), (u, v) = (begin[:2] - begin[2:4]).tolist(), (end[:2] - end[2:4]).tolist()
+    x, y = (begin[:2] - begin[2:4]).tolist()
+    u, v = (end[:2] - end[2:4]).tolist()
     turn = abs(float(end[4] - begin[4]))
     return 0.125 * turn * (turn * max(hypot(x, y), hypot(u, v)) + 2.0 * hypot(u - x, v - y))
 

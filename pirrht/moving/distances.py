@@ -34,7 +34,8 @@ def fastest_of(moving, j):  # type: ignore[no-untyped-def]
 @inlined
 def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
     """Return x, y [m] and yaw [rad] of obstacle j at t [s], their rates [1/s], and until when they hold from then."""
-    begin, end = load_int64(moving.parts, PARTS * j), load_int64(moving.parts, PARTS * j + 1)
+    begin = load_int64(moving.parts, PARTS * j)
+    end = load_int64(moving.parts, PARTS * j + 1)
     lead, period = clock_of(moving, j)
     now = t + lead
     if period > 0.0 and now > 0.0:
@@ -47,12 +48,22 @@ def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
         else:
             high = middle
     at = moving.rows + 8 * ROW * low
-    past, x, y, yaw = now - load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), load_float64(at, 3)
+
+    past = now - load_float64(at, 0)
+    x = load_float64(at, 1)
+    y = load_float64(at, 2)
+    yaw = load_float64(at, 3)
+
     if past < 0.0:
         return x, y, yaw, 0.0, 0.0, 0.0, t - past
     if high == end:
         return x, y, yaw, 0.0, 0.0, 0.0, math.inf
-    vx, vy, turn, until = load_float64(at, 4), load_float64(at, 5), load_float64(at, 6), t + load_float64(at, ROW) - now
+
+    vx = load_float64(at, 4)
+    vy = load_float64(at, 5)
+    turn = load_float64(at, 6)
+    until = t + load_float64(at, ROW) - now
+
     return x + past * vx, y + past * vy, yaw + past * turn, vx, vy, turn, until
 
 
@@ -75,7 +86,11 @@ def outside_of(moving, j, ox, oy, x, y):  # type: ignore[no-untyped-def]
 def _in_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
     """Return a place (u, v) [m] of an obstacle's frame, at the height of the robot, in the frame of its solid k [m]."""
     at = moving.solid + 8 * SOLID * k
-    dx, dy, dz = u - load_float64(at, 3), v - load_float64(at, 4), moving.height - load_float64(at, 5)
+
+    dx = u - load_float64(at, 3)
+    dy = v - load_float64(at, 4)
+    dz = moving.height - load_float64(at, 5)
+
     return (
         load_float64(at, 6) * dx + load_float64(at, 9) * dy + load_float64(at, 12) * dz,
         load_float64(at, 7) * dx + load_float64(at, 10) * dy + load_float64(at, 13) * dz,
@@ -98,18 +113,33 @@ def clearance_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
 @inlined
 def _in_table(moving, k, u, v):  # type: ignore[no-untyped-def]
     """Return the distance [m] and its gradient at (u, v) [m] in solid k's frame; off the lattice that of its margin."""
-    first, nx = load_int64(moving.form, TABLE * k + 1), load_int64(moving.form, TABLE * k + 2)
-    ny, pitch = load_int64(moving.form, TABLE * k + 3), moving.pitch
-    fx, fy = (u - load_float64(moving.corner, 2 * k)) / pitch, (v - load_float64(moving.corner, 2 * k + 1)) / pitch
-    gx, gy = min(max(fx, 0.0), nx - 1.0), min(max(fy, 0.0), ny - 1.0)
-    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
-    p, q = gx - i, gy - j
+    first = load_int64(moving.form, TABLE * k + 1)
+    nx = load_int64(moving.form, TABLE * k + 2)
+    ny = load_int64(moving.form, TABLE * k + 3)
+    pitch = moving.pitch
+
+    fx = (u - load_float64(moving.corner, 2 * k)) / pitch
+    fy = (v - load_float64(moving.corner, 2 * k + 1)) / pitch
+    gx = min(max(fx, 0.0), nx - 1.0)
+    gy = min(max(fy, 0.0), ny - 1.0)
+
+    i = min(int(gx), nx - 2)
+    j = min(int(gy), ny - 2)
+    p = gx - i
+    q = gy - j
+
     at = first + i * ny + j
-    a, b = load_float64(moving.table, at), load_float64(moving.table, at + 1)
-    c, d = load_float64(moving.table, at + ny), load_float64(moving.table, at + ny + 1)
-    low, high = a * (1.0 - q) + b * q, c * (1.0 - q) + d * q
+    a = load_float64(moving.table, at)
+    b = load_float64(moving.table, at + 1)
+    c = load_float64(moving.table, at + ny)
+    d = load_float64(moving.table, at + ny + 1)
+
+    low = a * (1.0 - q) + b * q
+    high = c * (1.0 - q) + d * q
     away = math.sqrt((fx - gx) ** 2 + (fy - gy) ** 2) * pitch
-    slope_x, slope_y = (high - low) / pitch, ((b - a) * (1.0 - p) + (d - c) * p) / pitch
+    slope_x = (high - low) / pitch
+    slope_y = ((b - a) * (1.0 - p) + (d - c) * p) / pitch
+
     return low * (1.0 - p) + high * p + away, slope_x, slope_y
 
 
@@ -119,11 +149,17 @@ def offset_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
 
     Both are as seen from above, in the frame of its obstacle, and zero inside.
     """
-    form, at = load_int64(moving.form, TABLE * k), moving.solid + 8 * SOLID * k
+    form = load_int64(moving.form, TABLE * k)
+    at = moving.solid + 8 * SOLID * k
+
     if form < 0:
         d, gx, gy = _in_table(moving, k, u, v)
         return d * gx, d * gy, gx, gy
-    a, b, c = load_float64(at, 0), load_float64(at, 1), load_float64(at, 2)
+
+    a = load_float64(at, 0)
+    b = load_float64(at, 1)
+    c = load_float64(at, 2)
+
     x, y, z = _in_solid(moving, k, u, v)
     d = max(outside(form, a, b, c, x, y, z), 0.0)
     if d <= 0.0:
@@ -144,7 +180,11 @@ def solids_of(moving, j):  # type: ignore[no-untyped-def]
 def clearance_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     """Return the clearance of (x, y) [m] from obstacle j at (ox, oy) [m] and a yaw of cosine c and sine s [m]."""
     dx, dy = x - ox, y - oy
-    u, v, best = c * dx + s * dy, c * dy - s * dx, moving.cutoff
+
+    u = c * dx + s * dy
+    v = c * dy - s * dx
+    best = moving.cutoff
+
     for k in solids_of(moving, j):
         best = min(best, clearance_of_solid(moving, k, u, v))
     return best
@@ -157,7 +197,12 @@ def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     It is at (ox, oy) [m] and a yaw of cosine c and sine s. Both vectors are zero inside of it and beyond the cutoff.
     """
     dx, dy = x - ox, y - oy
-    u, v, best, which = c * dx + s * dy, c * dy - s * dx, moving.cutoff, -1
+
+    u = c * dx + s * dy
+    v = c * dy - s * dx
+    best = moving.cutoff
+    which = -1
+
     for k in solids_of(moving, j):
         d = clearance_of_solid(moving, k, u, v)
         if d < best:

@@ -85,7 +85,12 @@ def _list(moving, notes, x, y, t, within):  # type: ignore[no-untyped-def]
             notes.candidates[count] = j
             count += 1
     known = notes.listing
-    known[REACH], known[X], known[Y], known[SEEN] = within, x, y, t
+
+    known[REACH] = within
+    known[X] = x
+    known[Y] = y
+    known[SEEN] = t
+
     known[AFTER], known[SERVES], known[COUNT] = after, until, count
 
 
@@ -100,7 +105,12 @@ def _see(moving, j, t, near):  # type: ignore[no-untyped-def]
     else:
         ox, oy, yaw, vx, vy, turn, ends = piece_of(moving, j, t)
         near[j, OX], near[j, OY], near[j, YAW] = ox, oy, yaw
-        near[j, VX], near[j, VY], near[j, TURN], near[j, UNTIL] = vx, vy, turn, ends
+
+        near[j, VX] = vx
+        near[j, VY] = vy
+        near[j, TURN] = turn
+        near[j, UNTIL] = ends
+
         near[j, FACED] = math.inf
     near[j, SINCE] = t
 
@@ -108,12 +118,22 @@ def _see(moving, j, t, near):  # type: ignore[no-untyped-def]
 @part
 def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
     """Complete what is known of obstacle j as seen from (x, y) [m]."""
-    ox, oy, yaw = near[j, OX], near[j, OY], near[j, YAW]
+    ox, oy = near[j, OX], near[j, OY]
+    yaw = near[j, YAW]
+
     if near[j, FACED] != yaw:
-        near[j, COS], near[j, SIN], near[j, FACED] = math.cos(yaw), math.sin(yaw), yaw
+        near[j, COS] = math.cos(yaw)
+        near[j, SIN] = math.sin(yaw)
+        near[j, FACED] = yaw
     d, nx, ny, ex, ey = wall_facing(moving, j, ox, oy, near[j, COS], near[j, SIN], x, y)
-    near[j, D], near[j, NX], near[j, NY], near[j, KNOWN] = d, nx, ny, 1.0
-    near[j, WX], near[j, WY] = near[j, VX] - near[j, TURN] * (y - ey - oy), near[j, VY] + near[j, TURN] * (x - ex - ox)
+
+    near[j, D] = d
+    near[j, NX] = nx
+    near[j, NY] = ny
+    near[j, KNOWN] = 1.0
+
+    near[j, WX] = near[j, VX] - near[j, TURN] * (y - ey - oy)
+    near[j, WY] = near[j, VY] + near[j, TURN] * (x - ex - ox)
 
 
 @part
@@ -168,7 +188,8 @@ def _passes(moving, j, near, way, dt, cov, square):  # type: ignore[no-untyped-d
     d = c - length - fastest_of(moving, j) * dt
     if d > 0.0 and 2.0 * c * d >= square:
         return 1.0, c, d, 0.0
-    px, py = near[j, OX] + dt * near[j, VX], near[j, OY] + dt * near[j, VY]
+    px = near[j, OX] + dt * near[j, VX]
+    py = near[j, OY] + dt * near[j, VY]
     seen = math.sqrt((mx - x - px + near[j, OX]) ** 2 + (my - y - py + near[j, OY]) ** 2)
     seen += abs(near[j, TURN]) * dt * disc_of(moving, j)
     d = outside_of(moving, j, px, py, mx, my)
@@ -177,10 +198,13 @@ def _passes(moving, j, near, way, dt, cov, square):  # type: ignore[no-untyped-d
     if near[j, KNOWN] == 0.0:
         _know(moving, j, x, y, near)
         c = near[j, D]
-    cos, sin = near[j, COS], near[j, SIN]
+    cos = near[j, COS]
+    sin = near[j, SIN]
+
     if near[j, TURN] != 0.0:
         yaw = near[j, YAW] + dt * near[j, TURN]
-        cos, sin = math.cos(yaw), math.sin(yaw)
+        cos = math.cos(yaw)
+        sin = math.sin(yaw)
     d = clearance_facing(moving, j, px, py, cos, sin, mx, my)
     if c > 0.0 and d > 0.0 and c + d <= seen:
         d = _behind(moving, j, near, way, dt, c, d, seen)
@@ -195,8 +219,10 @@ def _behind(moving, j, near, way, dt, c, d, length):  # type: ignore[no-untyped-
     while share < 1.0 - d / length:
         then = share * dt
         yaw = near[j, YAW] + then * near[j, TURN]
-        ox, oy = near[j, OX] + then * near[j, VX], near[j, OY] + then * near[j, VY]
-        px, py = x + share * (mx - x), y + share * (my - y)
+        ox = near[j, OX] + then * near[j, VX]
+        oy = near[j, OY] + then * near[j, VY]
+        px = x + share * (mx - x)
+        py = y + share * (my - y)
         e = clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), px, py)
         if e <= 0.0:
             return c * (1.0 - 1.0 / share)
@@ -214,12 +240,23 @@ def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no
     if not _serves(moving, notes, x, y, t, within):
         _list(moving, notes, x, y, t, within + TUNING.skin)
         _look(moving, notes, x, y, t, spread)
-    alive, worst, which, from_, to, variance = 1.0, 2.0, np.int64(0), 0.0, 0.0, 0.0
+
+    alive = 1.0
+    worst = 2.0
+    which = np.int64(0)
+    from_ = 0.0
+    to = 0.0
+    variance = 0.0
+
     for k in range(int(notes.listing[COUNT])):
         survives, c, d, towards = _passes(moving, notes.candidates[k], near, way, dt, cov, square)
         alive *= survives
         if survives < worst:
-            worst, which, from_, to, variance = survives, notes.candidates[k], c, d, towards
+            worst = survives
+            which = notes.candidates[k]
+            from_ = c
+            to = d
+            variance = towards
     if alive >= 1.0:
         return state, NEVER, 0.0
     if weighed and alive > 0.0:
@@ -243,13 +280,22 @@ def sweep(moving, notes, step, t, dt, stop):  # type: ignore[no-untyped-def]
         _list(moving, notes, x, y, t, within + TUNING.skin)
         if t + dt > notes.listing[SERVES]:  # one is suddenly elsewhere meanwhile
             _list(moving, notes, x, y, t, math.inf)
-    bow, rate, share = 0.5 * turn * length, length * math.sqrt(1.0 + 0.25 * turn * turn), 0.0
+
+    bow = 0.5 * turn * length
+    rate = length * math.sqrt(1.0 + 0.25 * turn * turn)
+    share = 0.0
+
     while True:
         aside = bow * share * (1.0 - share)
-        px, py = x + share * (mx - x), y + share * (my - y)
+        px = x + share * (mx - x)
+        py = y + share * (my - y)
+
         if length > 0.0:
-            px, py = px + aside * (my - y) / length, py - aside * (mx - x) / length
-        ahead, now = stop - share, t + share * dt
+            px = px + aside * (my - y) / length
+            py = py - aside * (mx - x) / length
+        ahead = stop - share
+        now = t + share * dt
+
         for k in range(int(notes.listing[COUNT])):
             j = notes.candidates[k]
             ox, oy, yaw, _, _, _, _ = piece_of(moving, j, now)

@@ -63,7 +63,9 @@ class MovingObstacleArrays(ObstacleNumbers):
 
     def with_motions(self, movers: Sequence[Mover]) -> MovingObstacleArrays:
         """Return these obstacles on other motions; shapes, FCL's included, are shared: one thread at a time asks."""
-        shapes, sizes = self.arrays[3:], (self.pitch, self.height, self.robot)  # the first three are of motions
+        shapes = self.arrays[3:]  # the first three are of motions
+        sizes = (self.pitch, self.height, self.robot)
+
         return self._holding(movers, shapes, sizes, self.cutoff, self.collision.with_motions(movers))
 
     @classmethod
@@ -104,7 +106,10 @@ class MovingObstacleArrays(ObstacleNumbers):
 
 def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array]:
     """Return the first of the arrays, bodies, parts and rows, of obstacles about a robot of a radius [m]."""
-    body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
+    body = np.zeros((len(movers), BODY))
+    parts = np.zeros((len(movers), PARTS), dtype=np.int64)
+    rows = []
+
     row = solid = 0
     for j, mover in enumerate(movers):
         motion, far = mover.motion, radius_of(mover.solids)
@@ -128,11 +133,19 @@ def _shapes(
     the excess of interpolation, since next to large solids lattices are coarse for a small robot.
     """
     solids = Solids.of(obstacles)
-    K, tables, fine = len(obstacles), np.flatnonzero(solids.form < 0), TUNING.table_pitch * footprint.radius
+
+    K = len(obstacles)
+    tables = np.flatnonzero(solids.form < 0)
+    fine = TUNING.table_pitch * footprint.radius
+
     margin = cutoff + footprint.radius + 2.0 * fine
     area = float(np.prod(solids.high[tables] - solids.low[tables] + 2.0 * margin, axis=1).sum())
     pitch = max(fine, math.sqrt(area / TUNING.table_points))
-    first, shape, corner = np.zeros(K, dtype=np.int64), np.zeros((K, 2), dtype=np.int64), np.zeros((K, 2))
+
+    first = np.zeros(K, dtype=np.int64)
+    shape = np.zeros((K, 2), dtype=np.int64)
+    corner = np.zeros((K, 2))
+
     parts: list[Array] = [np.zeros(0)]
     plane = np.full(2, 1e3)  # beyond any solid [m]
     for k in tables:

@@ -91,11 +91,16 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
     def stations_of(around, numbers, path, count, tuning, scratch, out):  # type: ignore[no-untyped-def]
         """Write stations along a `Chain`, about so many, to `out` (l, n); their number."""
         states, cost, _ = path
-        last, used, row = len(states) - 2, 1, np.empty((1, states.shape[1]))
+
+        last = len(states) - 2
+        used = 1
+        row = np.empty((1, states.shape[1]))
+
         spacing = np.sum(cost[: last + 1]) / count
         copy_row(states[0], out[0])
         for i in range(last + 1):
-            tail, head = states[i : i + 1], states[i + 1 : i + 2]
+            tail = states[i : i + 1]
+            head = states[i + 1 : i + 2]
             motion, _, _ = join(around, numbers, tail, head, i == last, scratch)
             whole = cost_of(tail[0], head[0], numbers, np.inf) * (1.0 + tuning.rounding)
             parts = max(1, math.ceil(cost[i] / spacing))
@@ -114,11 +119,21 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
         """Write the vertices of the cheapest chain over the stations `along` a path; their number."""
         stations, cost, key = along
         count = len(stations)
-        best, source, passed = np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.int64)
-        total, charge = np.empty(count), tuning.leg_charge * np.sum(cost[: count - 1])
+
+        best = np.zeros(count)
+        source = np.zeros(count, np.int64)
+        passed = np.zeros(count, np.int64)
+
+        total = np.empty(count)
+        charge = tuning.leg_charge * np.sum(cost[: count - 1])
+
         for j in range(1, count):
             last, inside = j == count - 1, 0.0
-            best[j], source[j], passed[j] = best[j - 1] + cost[j - 1] + charge, j - 1, passed[j - 1] + key[j - 1]
+
+            best[j] = best[j - 1] + cost[j - 1] + charge
+            source[j] = j - 1
+            passed[j] = passed[j - 1] + key[j - 1]
+
             limit = best[j] + 0.5 * charge
             if last:  # motions end where they enter the goal's disc, which saves about the same on all paths
                 inside = cost_of(stations[j - 1], stations[j], numbers, np.inf) - cost[j - 1]
@@ -131,7 +146,8 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
                 i = int(np.argmin(total[:j]))
                 if not total[i] < limit:
                     break
-                tail, head = stations[i : i + 1], stations[j : j + 1]
+                tail = stations[i : i + 1]
+                head = stations[j : j + 1]
                 motion, own, turned = join(around, numbers, tail, head, last, scratch)
                 own += best[i] + charge
                 if turned == passed[j] - passed[i] and own < best[j] and admissible(around, motion, last):
@@ -153,12 +169,19 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
     def move(around, numbers, path, i, trial, tuning, scratch):  # type: ignore[no-untyped-def]
         """Move vertex i to the trial state (1, n) if its legs become admissible and cheaper."""
         states, cost, key = path
-        last, tail = i == len(states) - 1, states[i - 1 : i]
-        limit, turned, least = cost[i - 1], key[i - 1], 0.0
+        last = i == len(states) - 1
+        tail = states[i - 1 : i]
+
+        limit = cost[i - 1]
+        turned = key[i - 1]
+        least = 0.0
+
         if clearance(around.field, trial[0, 0], trial[0, 1]) < LEAST_STEP:
             return
         if not last:
-            limit, turned = limit + cost[i], turned + key[i]
+            limit = limit + cost[i]
+            turned = turned + key[i]
+
             if i < len(states) - 2:
                 least = cost_of(trial[0], states[i + 1], numbers, limit)
         limit *= 1.0 - tuning.move_gain
@@ -187,13 +210,16 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
                 for m in range(moves):
                     shift(states[i], m, tuning.first_step * 0.5**level, numbers, trial[0])
                     if i == len(states) - 1:
-                        trial[0, 0], trial[0, 1] = states[i, 0], states[i, 1]
+                        trial[0, 0] = states[i, 0]
+                        trial[0, 1] = states[i, 1]
                     move(around, numbers, path, i, trial, tuning, scratch)
 
     @part
     def chain_of(around, numbers, states, scratch):  # type: ignore[no-untyped-def]
         """Make a `Chain` of states (k, n)."""
-        cost, key = np.empty(len(states)), np.empty(len(states), np.int64)
+        cost = np.empty(len(states))
+        key = np.empty(len(states), np.int64)
+
         for i in range(len(states) - 1):
             last = i == len(states) - 2
             _, cost[i], key[i] = join(around, numbers, states[i : i + 1], states[i + 1 : i + 2], last, scratch)
@@ -208,7 +234,8 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
         for count in tuning.stations:
             out = np.empty((len(path.states) + count + 1, states.shape[1]))
             used = stations_of(around, numbers, path, count, tuning, scratch, out)
-            along, chosen = chain_of(around, numbers, out[:used], scratch), np.empty((used, states.shape[1]))
+            along = chain_of(around, numbers, out[:used], scratch)
+            chosen = np.empty((used, states.shape[1]))
             used = cheapest(around, numbers, along, tuning, scratch, chosen)
             path = chain_of(around, numbers, chosen[:used], scratch)
             search(around, numbers, path, moves, tuning, scratch)
@@ -234,7 +261,9 @@ def shortcut_with(key_of: Callable[..., int], joins: Callable[..., bool]) -> Cal
         for k in range(count - 1):
             keys[k + 1] = keys[k] + key_of(around, knots[k], knots[k + 1], k == count - 2)
         while i < count - 1:
-            to, j = i + 1, i + 2
+            to = i + 1
+            j = i + 2
+
             while j < count and j <= to + ahead:
                 if joins(around, numbers, knots[i], knots[j], j == count - 1, keys[j] - keys[i]):
                     to = j
@@ -253,13 +282,17 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
 
     Its class is that of x, the next corner and on, if the motion to that is free; else it may be another.
     """
-    corners, count = path.heads.copy(), min(tuning.corners, len(path.heads))
+    corners = path.heads.copy()
+    count = min(tuning.corners, len(path.heads))
+
     corners[-1, :2] += tuning.into_goal * (checker.space.scene.goal.center - corners[-1, :2])
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
     tails = np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]])
     motions = copied(steering.connect(tails, corners[to]))
     edges, _ = judge_with(checker.motion.kernels)(checker.around, motions, to == len(corners) - 1, to)
-    free, direct = edges.free[:count], edges.cost[:count]
+    free = edges.free[:count]
+    direct = edges.cost[:count]
+
     if edges.status[0] == UNSURE:
         free[0] = checker.motion.free(motions, 0, checker.space)
     key = keys_of(edges.turns, checker.around.weights)

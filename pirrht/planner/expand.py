@@ -71,7 +71,8 @@ def near_count(size, n):  # type: ignore[no-untyped-def]
 def _link(at, e):  # type: ignore[no-untyped-def]
     """Put edge e at the head of the lists of both of its vertices."""
     edge = g.edge_at(at, e)
-    first_out, first_in = g.vertex_at(at, load_int32(edge, g.TAIL)), g.vertex_at(at, load_int32(edge, g.HEAD))
+    first_out = g.vertex_at(at, load_int32(edge, g.TAIL))
+    first_in = g.vertex_at(at, load_int32(edge, g.HEAD))
     store_int32(edge, g.NEXT_OUT, load_int32(first_out, g.FIRST_OUT))
     store_int32(edge, g.NEXT_IN, load_int32(first_in, g.FIRST_IN))
     store_int32(first_out, g.FIRST_OUT, e)
@@ -84,10 +85,14 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
 
     It costs what edge i of `edges` does and has `sign` times its turns; `weights` (M,) make the additive key.
     """
-    e, used, key = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs), np.int64(0)
+    e = load_int64(at.size, g.SIZE.edges)
+    used = load_int64(at.size, g.SIZE.pairs)
+    key = np.int64(0)
+
     turns = edges.turns
     for j in range(turns.first[i], turns.first[i + 1]):
-        marker, turn = turns.marker[j], sign * turns.turn[j]
+        marker = turns.marker[j]
+        turn = sign * turns.turn[j]
         store_int32(at.edge_marker, used, marker)
         store_int16(at.edge_turn, used, turn)
         key += turn * weights[marker]
@@ -158,10 +163,13 @@ def proposer(
 
         Writes H of the straight line from x to `straight` (M,).
         """
-        n, numbers = vertices.states.shape[1], as_tuple(values, count)
+        n = vertices.states.shape[1]
+        numbers = as_tuple(values, count)
         near = np.empty(min(near_count(size, n), size), np.int64)
         nearest(vertices.states[:size], x, numbers, forward, near, np.empty(near.shape[0]))
-        others, here = vertices.states[near], np.empty((near.shape[0], n))
+        others = vertices.states[near]
+        here = np.empty((near.shape[0], n))
+
         for i in range(near.shape[0]):
             copy_row(x, here[i])
         into_goal = vertices.in_goal[near]
@@ -180,7 +188,8 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
     """Make vertices of the draws (k, n) from i on, by a `proposer`; the first not dealt with, and its status."""
     straight, gx, gy = np.empty(at.M), around.goal_x, around.goal_y
     while i < draws.shape[0]:
-        x, v = draws[i], load_int64(at.size, g.SIZE.vertices)
+        x = draws[i]
+        v = load_int64(at.size, g.SIZE.vertices)
         status = certify_point(around.field, x[0], x[1])
         if status == BLOCKED:
             i += 1
@@ -188,7 +197,8 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
         away = math.hypot(x[0] - gx, x[1] - gy) / around.goal_radius
         if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
             return i, STATUS.ask
-        root, forward = away < 1.0, away >= 1.0
+        root = away < 1.0
+        forward = away >= 1.0
         copy_row(x, vertices.states[v])  # whether or not it becomes a vertex
         vertices.in_goal[v] = root
         size = v if forward else v + 1

@@ -45,7 +45,8 @@ class Size(NamedTuple):
     pairs: int = 4
 
 
-STATUS, SIZE = Status(), Size()
+STATUS = Status()
+SIZE = Size()
 
 
 class Vertices(NamedTuple):
@@ -156,7 +157,11 @@ class Places(Addresses):
     def of(cls, graph: Graph) -> Places:
         """The places of the arrays of a graph, valid until it is given more room."""
         parts = [getattr(graph, name) for name in cls._fields if name in Graph._fields]
-        M, stride, (_, K, C) = graph.straight.shape[1], graph.nodes.strides[0], graph.marker.shape
+
+        M = graph.straight.shape[1]
+        stride = graph.nodes.strides[0]
+        _, K, C = graph.marker.shape
+
         sizes = len(graph.queue_cost), len(graph.tail), len(graph.edge_marker)
         places = cls._make([*(part.ctypes.data for part in parts), M, stride, K, C, *sizes])
         places.graph = graph
@@ -173,7 +178,8 @@ def _records(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
 def empty_graph(capacity: Capacity, n: int, M: int) -> Graph:
     """Allocate a graph without vertices, for states of n numbers and M markers."""
     V, E, P, K, C, Q = capacity
-    edge, vertex = _records(E, EDGE), _records(V, np.dtype([*VERTEX.descr, ("node", NODE, (K,))]))
+    edge = _records(E, EDGE)
+    vertex = _records(V, np.dtype([*VERTEX.descr, ("node", NODE, (K,))]))
     edge["next_in"] = edge["next_out"] = vertex["first_out"] = vertex["first_in"] = -1
     vertex["node"]["parent"] = ROOT
     return Graph(

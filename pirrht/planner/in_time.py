@@ -37,7 +37,10 @@ BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
 
 def taut_in_time(path: Legs, steering: InTime, checker: EdgeChecker) -> Legs:
     """Shorten a path into the goal's disc inside its class, at no more cost."""
-    best, key, relax = path, _judged(path, checker)[1], relaxation(checker.space.moving.kernels)
+    best = path
+    key = _judged(path, checker)[1]
+    relax = relaxation(checker.space.moving.kernels)
+
     joined, _ = _joined(path.knots, steering, checker, far=True)
     if joined is not None and joined.cost.sum() <= path.cost.sum():
         best = joined
@@ -100,11 +103,13 @@ def _meshed(knots: Array, count: int) -> Array:
     steps = np.diff(knots, axis=0)
     steps = steps[steps[:, 2] > 0.0]
     knots = np.vstack([knots[0], knots[0] + np.cumsum(steps, axis=0)])
-    times, weight = knots[:, 2], np.full(256, 1.0)
+    times = knots[:, 2]
+    weight = np.full(256, 1.0)
     even = np.linspace(times[0], times[-1], 257)
     bends = np.hypot(*np.diff(steps[:, :2] / steps[:, 2:], axis=0).T)
     if len(bends) and bends.sum() > 0.0:
-        middle, width = 0.5 * (even[1:] + even[:-1]), 0.05 * (times[-1] - times[0])
+        middle = 0.5 * (even[1:] + even[:-1])
+        width = 0.05 * (times[-1] - times[0])
         near = np.exp(-(((middle[:, None] - times[None, 1:-1]) / width) ** 2)) @ bends
         weight = (1.0 - TUNING.bends) / 256 + TUNING.bends * near / near.sum()
     share = np.concatenate([[0.0], np.cumsum(weight)])
@@ -115,8 +120,12 @@ def _meshed(knots: Array, count: int) -> Array:
 @kernel
 def _key_of_leg(around, a, b, to_goal):  # type: ignore[no-untyped-def]
     """Additive key of the straight line from a to b, 2 x (3,)."""
-    M, tail, head = around.weights.shape[0], (a[0], a[1], a[2]), (b[0], b[1], b[2])
-    marker, turn = np.empty(M, np.int32), np.empty(M, np.int16)
+    M = around.weights.shape[0]
+    tail = (a[0], a[1], a[2])
+    head = (b[0], b[1], b[2])
+
+    marker = np.empty(M, np.int32)
+    turn = np.empty(M, np.int16)
     count = crossings_of_leg(around, tail, head, to_goal, marker, turn, 0)
     return key_of_pairs(marker, turn, 0, count, around.weights)
 
@@ -129,7 +138,9 @@ def shortcuts(moving: MovingKernels | None) -> Any:
     @kernel
     def joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
         """Return whether the straight line from a to b, 2 x (3,), is free, within the limit of speeds and has a key."""
-        dt, square = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+        dt = b[2] - a[2]
+        square = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+
         return (
             dt > 0.0
             and square <= (numbers[2] * dt) ** 2 * (1.0 + LATE)
@@ -149,7 +160,9 @@ def _add(model, first, value, weight, *along):  # type: ignore[no-untyped-def]
     (l, BAND), border (l + 1,) and slope (l + 1,) is the x of knot 1; the last of the latter are the duration's.
     """
     matrix, border, slope = model
-    begin, last = 2 * (first - 1), slope.shape[0] - 1
+    begin = 2 * (first - 1)
+    last = slope.shape[0] - 1
+
     for p in range(4):
         row = begin + p
         if row >= 0 and along[p] != 0.0:
@@ -188,14 +201,22 @@ def model(moving: MovingKernels | None) -> Any:
         Args: `Surroundings`; `notes` on moving obstacles; numbers q, r and the limit of speeds; knots (N + 1, 3)
             [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, as in `_add`.
         """
-        q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
+        q = numbers[0]
+        r = numbers[1]
+        limit = numbers[2] * (1.0 - TUNING.slower)
+        last = knots.shape[0] - 1
+
         walls, total = np.empty((around.traffic.J + 1, WALL)), 0.0
         (matrix, border, slope), whole = model, knots[last, 2] - knots[0, 2]
         if filled:
             matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
         for i in range(last):
-            dx, dy, dt = knots[i + 1, 0] - knots[i, 0], knots[i + 1, 1] - knots[i, 1], knots[i + 1, 2] - knots[i, 2]
-            vx, vy, part = dx / dt, dy / dt, dt / whole
+            dx = knots[i + 1, 0] - knots[i, 0]
+            dy = knots[i + 1, 1] - knots[i, 1]
+            dt = knots[i + 1, 2] - knots[i, 2]
+
+            vx, vy = dx / dt, dy / dt
+            part = dt / whole
             rate = q + 0.5 * r * (vx * vx + vy * vy)
             total += dt * rate
             lacking = math.hypot(dx, dy) - limit * dt
@@ -206,18 +227,24 @@ def model(moving: MovingKernels | None) -> Any:
                 _add(model, i, dx, r / dt, -1.0, 0.0, 1.0, 0.0, -vx * part)
                 _add(model, i, dy, r / dt, 0.0, -1.0, 0.0, 1.0, -vy * part)
                 if lacking > 0.0:
-                    ux, uy = dx / (lacking + limit * dt), dy / (lacking + limit * dt)
+                    ux = dx / (lacking + limit * dt)
+                    uy = dy / (lacking + limit * dt)
                     _add(model, i, lacking, weight, -ux, -uy, ux, uy, -limit * part)
             for share in TUNING.leg_points:
-                x, y, t = knots[i, 0] + share * dx, knots[i, 1] + share * dy, knots[i, 2] + share * dt
+                x = knots[i, 0] + share * dx
+                y = knots[i, 1] + share * dy
+                t = knots[i, 2] + share * dt
+
                 for k in range(near_walls(around, notes, x, y, t, margin, walls)):
-                    lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
+                    lacking = margin - walls[k, 0]
+                    nx, ny = walls[k, 1], walls[k, 2]
                     total += 0.5 * weight * lacking * lacking
                     if filled:
                         later = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
                         own = share - 1.0
                         _add(model, i, lacking, weight, own * nx, own * ny, -share * nx, -share * ny, later)
-        gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
+        gx = knots[last, 0] - around.goal_x
+        gy = knots[last, 1] - around.goal_y
         away = math.sqrt(gx * gx + gy * gy)
         lacking = away - around.goal_radius * (1.0 - TUNING.inside)
         if lacking > 0.0:
@@ -237,7 +264,9 @@ def _newton(model, damping, step):  # type: ignore[no-untyped-def]
     for i in range(n):
         matrix[i, 0] += damping
         for k in range(min(BAND - 1, i), -1, -1):
-            total, j = matrix[i, k], i - k
+            total = matrix[i, k]
+            j = i - k
+
             for m in range(1, min(BAND - 1 - k, j) + 1):
                 total -= matrix[i, k + m] * matrix[j, m]
             matrix[i, k] = total / matrix[j, 0] if k > 0 else math.sqrt(max(total, damping))
@@ -263,7 +292,8 @@ def _moved(knots, step, share, out):  # type: ignore[no-untyped-def]
     last = knots.shape[0] - 1
     longer = 1.0 + share * step[2 * last] / (knots[last, 2] - knots[0, 2])
     for i in range(1, last + 1):
-        out[i, 0], out[i, 1] = knots[i, 0] + share * step[2 * i - 2], knots[i, 1] + share * step[2 * i - 1]
+        out[i, 0] = knots[i, 0] + share * step[2 * i - 2]
+        out[i, 1] = knots[i, 1] + share * step[2 * i - 1]
         out[i, 2] = knots[0, 2] + longer * (knots[i, 2] - knots[0, 2])
 
 
@@ -271,7 +301,11 @@ def _moved(knots, step, share, out):  # type: ignore[no-untyped-def]
 def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
     """Share of a step that moves no knot too far [m] for bodies that go so fast, nor ends the path at once."""
     last = knots.shape[0] - 1
-    whole, change, share = knots[last, 2] - knots[0, 2], step[2 * last], 1.0
+
+    whole = knots[last, 2] - knots[0, 2]
+    change = step[2 * last]
+    share = 1.0
+
     if change < 0.0:
         share = min(share, (TUNING.shortest_duration - 1.0) * whole / change)
     for i in range(1, last + 1):
@@ -294,9 +328,12 @@ def relaxation(moving: MovingKernels | None) -> Any:
         Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
             the clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight, the last if nearly optimal.
         """
-        n, notes = 2 * (knots.shape[0] - 1), watch(around.traffic)
+        n = 2 * (knots.shape[0] - 1)
+        notes = watch(around.traffic)
         model = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
-        step, moved = np.empty(n + 1), knots.copy()
+        step = np.empty(n + 1)
+        moved = knots.copy()
+
         for k in range(first, len(TUNING.weights)):
             weight = TUNING.weights[k]
             for _ in range(TUNING.steps):

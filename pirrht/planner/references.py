@@ -171,7 +171,8 @@ def _rows(tree: Any, edges: Edges) -> Any:
 @kernel
 def path_of(at, vertex, slot):  # type: ignore[no-untyped-def]
     """Vertices from a node to its root, first to last (ReconstructPath)."""
-    node, path = g.node_at(g.vertex_at(at, vertex), slot), [vertex]
+    node = g.node_at(g.vertex_at(at, vertex), slot)
+    path = [vertex]
     key = load_int64(node, g.KEY)
     while load_int32(node, g.PARENT) != g.ROOT:
         edge = g.edge_at(at, load_int32(node, g.PARENT))

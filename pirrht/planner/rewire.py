@@ -61,10 +61,14 @@ def ask_again(at, v):  # type: ignore[no-untyped-def]
 def _remove(at, v, slot):  # type: ignore[no-untyped-def]
     vertex = g.vertex_at(at, v)
     last = load_int32(vertex, g.COUNT) - 1
-    node, end = g.node_at(vertex, slot), g.node_at(vertex, last)
+    node = g.node_at(vertex, slot)
+    end = g.node_at(vertex, last)
+
     for i in range(g.NODE_BYTES // 8):
         store_int64(node, i, load_int64(end, i))
-    to, start = (v * at.K + slot) * at.C, (v * at.K + last) * at.C
+    to = (v * at.K + slot) * at.C
+    start = (v * at.K + last) * at.C
+
     for k in range(load_int32(end, g.NODE_PAIR_COUNT)):
         store_int32(at.marker, to + k, load_int32(at.marker, start + k))
         store_int16(at.turn, to + k, load_int16(at.turn, start + k))
@@ -131,13 +135,18 @@ def admits(at, straight, source, slot, edge, rules):  # type: ignore[no-untyped-
 def _insert(at, v, offer, worst):  # type: ignore[no-untyped-def]
     """Append a node of a class that the vertex does not know, in place of its `worst` if that is one; done, or full."""
     begin, e = (offer.source * at.K + offer.slot) * at.C, offer.edge
-    first, end = load_int64(at.edge_first, e), load_int64(at.edge_first, e + 1)
+    first = load_int64(at.edge_first, e)
+    end = load_int64(at.edge_first, e + 1)
     count = load_int32(g.node_at(g.vertex_at(at, offer.source), offer.slot), g.NODE_PAIR_COUNT)
-    marker, turn = np.empty(count + end - first, np.int32), np.empty(count + end - first, np.int16)
+    marker = np.empty(count + end - first, np.int32)
+    turn = np.empty(count + end - first, np.int16)
+
     for i in range(count):
-        marker[i], turn[i] = load_int32(at.marker, begin + i), load_int16(at.turn, begin + i)
+        marker[i] = load_int32(at.marker, begin + i)
+        turn[i] = load_int16(at.turn, begin + i)
     for i in range(first, end):
-        marker[count], turn[count] = load_int32(at.edge_marker, i), load_int16(at.edge_turn, i)
+        marker[count] = load_int32(at.edge_marker, i)
+        turn[count] = load_int16(at.edge_turn, i)
         count += 1
     many = summed(np.zeros(at.M, np.int16), marker, turn, 0, count)
     if many > at.C:
@@ -147,7 +156,8 @@ def _insert(at, v, offer, worst):  # type: ignore[no-untyped-def]
         _evict(at, v, worst)
     vertex = g.vertex_at(at, v)
     slot = load_int32(vertex, g.COUNT)
-    node, begin = g.node_at(vertex, slot), (v * at.K + slot) * at.C
+    node = g.node_at(vertex, slot)
+    begin = (v * at.K + slot) * at.C
     store_float64(node, g.COST, offer.cost)
     store_int64(node, g.KEY, offer.key)
     store_int32(node, g.PARENT, e)
@@ -185,7 +195,10 @@ def _move(at, source, target):  # type: ignore[no-untyped-def]
 @inlined
 def _pop(at):  # type: ignore[no-untyped-def]
     """Take the cheapest node out of a queue that has one: cost [cost], vertex, key of its class."""
-    cost, vertex, key = load_float64(at.queue_cost, 0), load_int32(at.queue_vertex, 0), load_int64(at.queue_key, 0)
+    cost = load_float64(at.queue_cost, 0)
+    vertex = load_int32(at.queue_vertex, 0)
+    key = load_int64(at.queue_key, 0)
+
     last = load_int64(at.size, g.SIZE.queue) - 1
     store_int64(at.size, g.SIZE.queue, last)
     moved = load_float64(at.queue_cost, last)
@@ -273,7 +286,8 @@ def _expand(at, cost, v, key, rules):  # type: ignore[no-untyped-def]
         edge = g.edge_at(at, e)
         u = load_int32(edge, g.TAIL)
         if not g.is_root(g.vertex_at(at, u)):
-            new_key, new_cost = key + load_int64(edge, g.EDGE_KEY), cost + load_float64(edge, g.EDGE_COST)
+            new_key = key + load_int64(edge, g.EDGE_KEY)
+            new_cost = cost + load_float64(edge, g.EDGE_COST)
             slot = g.slot_of(vertex, key)  # an eviction may have moved it
             status = append(at, u, Candidate(new_cost, new_key, np.int64(v), np.int64(slot), np.int64(e)), rules)
             if status != STATUS.done:
@@ -325,7 +339,9 @@ def relax(at, rules):  # type: ignore[no-untyped-def]
 def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
     """Return whether an allowed class leads over one of k `Edges` to the goal; the base has H `straight` (M,)."""
     near, turns, base = edges.near, edges.turns, np.int64(straight.ctypes.data)
-    marker, turn = np.int64(turns.marker.ctypes.data), np.int64(turns.turn.ctypes.data)
+    marker = np.int64(turns.marker.ctypes.data)
+    turn = np.int64(turns.turn.ctypes.data)
+
     for i in range(near.shape[0]):
         if edges.status[i] == FREE:
             pairs = marker, turn, turns.first[i], turns.first[i + 1]

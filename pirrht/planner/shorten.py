@@ -49,7 +49,9 @@ def _joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
     if _key(around, a, b, last) != key:
         return False
     share = min(1.0, entered(around, a[0], a[1], b[0], b[1]))
-    x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+    x = a[0] + share * (b[0] - a[0])
+    y = a[1] + share * (b[1] - a[1])
+
     return certify_segment(around.field, a[0], a[1], x, y, False) == FREE
 
 
@@ -63,12 +65,23 @@ def _cut(around, corner, first, last, halvings):  # type: ignore[no-untyped-def]
     Rows 0 and 2 become the ends of the piece; of these, `first` and `last` tell which come from the corner.
     """
     x, y = corner[1, 0], corner[1, 1]
-    ax, ay, bx, by = corner[0, 0] - x, corner[0, 1] - y, corner[2, 0] - x, corner[2, 1] - y
+
+    ax = corner[0, 0] - x
+    ay = corner[0, 1] - y
+    bx = corner[2, 0] - x
+    by = corner[2, 1] - y
+
     low, high, share = 0.0, 1.0, 0.5
     for k in range(halvings + 1):
         share = low if k == halvings else 0.5 * (low + high)
-        s, r = share if first else 1.0, share if last else 1.0
-        corner[0, 0], corner[0, 1], corner[2, 0], corner[2, 1] = x + s * ax, y + s * ay, x + r * bx, y + r * by
+        s = share if first else 1.0
+        r = share if last else 1.0
+
+        corner[0, 0] = x + s * ax
+        corner[0, 1] = y + s * ay
+        corner[2, 0] = x + r * bx
+        corner[2, 1] = y + r * by
+
         if k == halvings:
             break
         key = _key(around, corner[0], corner[1], False) + _key(around, corner[1], corner[2], False)
@@ -88,13 +101,18 @@ def _touches(around, x, y):  # type: ignore[no-untyped-def]
 @kernel
 def _blunt_corners(around, points, count, least, capacity, out):  # type: ignore[no-untyped-def]
     """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, fewer than `capacity`."""
-    out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
+    out[0, 0] = points[0, 0]
+    out[0, 1] = points[0, 1]
     n, corner = 1, np.empty((3, 2))
     for i in range(1, count - 1):
         for c in range(2):
-            corner[0, c], corner[1, c], corner[2, c] = out[n - 1, c], points[i, c], points[i + 1, c]
-        ax, ay = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1]
-        bx, by = corner[2, 0] - corner[1, 0], corner[2, 1] - corner[1, 1]
+            corner[0, c] = out[n - 1, c]
+            corner[1, c] = points[i, c]
+            corner[2, c] = points[i + 1, c]
+        ax = corner[1, 0] - corner[0, 0]
+        ay = corner[1, 1] - corner[0, 1]
+        bx = corner[2, 0] - corner[1, 0]
+        by = corner[2, 1] - corner[1, 1]
         t, turn = 0.0, abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
         wanted = turn > least or (turn > TUNING.straight_turn and not _touches(around, points[i, 0], points[i, 1]))
         if wanted and n + 2 + count - i < capacity:
@@ -103,9 +121,12 @@ def _blunt_corners(around, points, count, least, capacity, out):  # type: ignore
             copy_rows(corner[::2], out[n : n + 2])
             n += 2
         else:
-            out[n, 0], out[n, 1] = points[i, 0], points[i, 1]
+            out[n, 0] = points[i, 0]
+            out[n, 1] = points[i, 1]
             n += 1
-    out[n, 0], out[n, 1] = points[count - 1, 0], points[count - 1, 1]
+    out[n, 0] = points[count - 1, 0]
+    out[n, 1] = points[count - 1, 1]
+
     return n + 1
 
 
@@ -119,14 +140,18 @@ def _slide_corners(around, points, count):  # type: ignore[no-untyped-def]
                 loose = True
                 copy_rows(points[i - 1 : i + 2], corner)
                 _cut(around, corner, end == 0, end == 2, TUNING.slide_halvings)
-                points[i, 0], points[i, 1] = corner[end, 0], corner[end, 1]
+                points[i, 0] = corner[end, 0]
+                points[i, 1] = corner[end, 1]
     return loose
 
 
 @kernel
 def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
     """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
-    count, before, work = points.shape[0] + 1, np.inf, np.empty((out.shape[0], 2))
+    count = points.shape[0] + 1
+    before = np.inf
+    work = np.empty((out.shape[0], 2))
+
     copy_rows(points, out[: count - 1])
     out[count - 1, 0], out[count - 1, 1] = around.goal_x, around.goal_y
     for k in range(TUNING.rounds):
@@ -143,10 +168,15 @@ def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
         count = _blunt_corners(around, out, count, np.pi, out.shape[0], work)
         copy_rows(work[:count], out[:count])
     for i in range(count - 1):
-        ax, ay, dx, dy = out[i, 0], out[i, 1], out[i + 1, 0] - out[i, 0], out[i + 1, 1] - out[i, 1]
+        ax, ay = out[i, 0], out[i, 1]
+        dx = out[i + 1, 0] - out[i, 0]
+        dy = out[i + 1, 1] - out[i, 1]
+
         share = entered(around, ax, ay, ax + dx, ay + dy)
         if share < np.inf:
-            out[i + 1, 0], out[i + 1, 1] = ax + share * dx, ay + share * dy
+            out[i + 1, 0] = ax + share * dx
+            out[i + 1, 1] = ay + share * dy
+
             return i + 2
     return count
 
@@ -156,7 +186,8 @@ def shorten(path: Any, steering: Steering, checker: EdgeChecker) -> Any:
     if isinstance(steering, InTime):
         return in_time.taut_in_time(path, steering, checker)
     if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
-        length, (x, y, theta) = path.length[-1].sum(), path.start[-1]
+        length = path.length[-1].sum()
+        x, y, theta = path.start[-1]
         end = np.array([x + length * np.cos(theta), y + length * np.sin(theta)])
         short = taut_polyline(np.vstack([path.start[:, :2], end]), checker.around)
         return steering.connect(short[:-1], short[1:])

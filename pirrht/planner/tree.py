@@ -4,9 +4,11 @@ Comments give the paper's lines. Draws of which nothing is doubtful run through 
 `expand.grow`. Costs that a new vertex changes are relaxed by `rewire.relax`.
 """
 
+import reprlib
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from importlib import import_module
+from numbers import Integral
 from typing import Any, cast
 
 import numpy as np
@@ -77,7 +79,12 @@ class HomologyTree:
                 f"{type(steering).__name__}: n is {steering.n} and its roots are {roots.shape}; a tree in the plane "
                 "takes states of 2 numbers or more, x and y first, and roots (k, n)"
             )
-        self.space, self.steering, self.rng, self.tuning = space, steering, rng, tuning
+
+        self.space = space
+        self.steering = steering
+        self.rng = rng
+        self.tuning = tuning
+
         self.homology = steering.homology(space)
         bases_allowed = limit >= self.homology.most_base
         self.rules = SearchRules(float(limit), int(classes), bases_allowed, bool(steering.symmetric))
@@ -99,8 +106,10 @@ class HomologyTree:
 
         Passages are drawn first, and again until they are vertices; at least every second draw is uniform. `progress`
         is called with the number of vertices after every batch of draws, `enough` after every few; true: it grows no
-        more.
+        more. OptionError: the number is negative or not whole.
         """
+        if not (isinstance(vertices, Integral) and vertices >= 0):
+            raise OptionError(f"vertices is {reprlib.repr(vertices)}; it must be a whole number of 0 or more")
         budget = self.tuning.draws_per_vertex * max(0, vertices - self.size)
         most = budget if enough is None else self.tuning.draws_in_time
         while self.size < vertices and budget > 0:  # line 2
@@ -154,7 +163,8 @@ class HomologyTree:
     def _insert(self, x: Array, edges: Edges, back: Edges) -> None:
         """Make the state x (n,) that was written last a vertex, with edges from it and to it."""
         storage, size = self.storage, self.graph.size
-        more, pairs = len(edges.near) + len(back.near), len(edges.turns.marker) + len(back.turns.marker)
+        more = len(edges.near) + len(back.near)
+        pairs = len(edges.turns.marker) + len(back.turns.marker)
         storage.make_room(E=size[SIZE.edges] + more, P=size[SIZE.pairs] + pairs)
         base, around = self.homology.base(x), self.checker.around
         insert(storage.places, storage.vertices, base, edges, back, around, self.rules)
@@ -250,21 +260,25 @@ class HomologyTree:
         """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
         self._grown(self.states[:0], 0)
         more = 1.0 + 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
-        edges, pairs = int(more * self.graph.size[SIZE.edges]), int(more * self.graph.size[SIZE.pairs])
+        edges = int(more * self.graph.size[SIZE.edges])
+        pairs = int(more * self.graph.size[SIZE.pairs])
         self.storage.make_room(V=vertices, E=edges, P=pairs)
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""
         if not isinstance(self.steering, CompiledSteering):
             return i, STATUS.ask
-        values, at = np.array(self.steering.numbers), (self.storage.places, self.storage.vertices)
+        values = np.array(self.steering.numbers)
+        at = (self.storage.places, self.storage.vertices)
+
         return cast(tuple[int, int], grow(self._propose, *at, draws, i, self.checker.around, values, self.rules))
 
     @cached_property
     def _propose(self) -> Any:
         """Address of its `proposer`."""
         steering = cast(CompiledSteering, self.steering)
-        numbers, kind = np.array(steering.numbers), type(steering)
+        numbers = np.array(steering.numbers)
+        kind = type(steering)
         straight = np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
         kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), self.checker.motion.kernels
@@ -289,7 +303,9 @@ class HomologyTree:
 
     def __repr__(self) -> str:
         scene, rules = formatting.name(self.space.scene.name), self.rules
-        counts, classes = f"{self.size} vertices, {self.node_count} nodes", f"{rules.classes or 'all'} classes a vertex"
+        counts = f"{self.size} vertices, {self.node_count} nodes"
+        classes = f"{rules.classes or 'all'} classes a vertex"
+
         return f"HomologyTree({counts} in {scene}, |1 - H| <= {rules.limit:g}, {classes})"
 
     def plot(self, x: Array | None = None, *, axes: Any = None) -> Any:

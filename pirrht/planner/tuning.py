@@ -91,5 +91,9 @@ class LimitTuning(NamedTuple):
     vertices: int = 400  # of the tree that finds these paths: shortened, they are as short as those of a large one
 
 
-TUNING, CHAIN, RESUME = PlannerTuning(), ChainTuning(), ResumeTuning()
-POLYLINE, IN_TIME, LIMITS = PolylineTuning(), TimedTuning(), LimitTuning()
+TUNING = PlannerTuning()
+CHAIN = ChainTuning()
+RESUME = ResumeTuning()
+POLYLINE = PolylineTuning()
+IN_TIME = TimedTuning()
+LIMITS = LimitTuning()

@@ -231,7 +231,9 @@ class Initialisation:
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
-        course = Course(last.states, last.modes, last.gains, last.share, last.inverse, last.volume, last.modes, last.states)
+        course = Course(
+            last.states, last.modes, last.gains, last.share, last.inverse, last.volume, last.modes, last.states
+        )
         return self.retimed(course, last.length, last.times, times, elapsed=elapsed)
 
     def retimed(

@@ -12,7 +12,11 @@ class ProposalTuning(NamedTuple):
     cold: tuple[Stage, ...] = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference
     warm: tuple[Stage, ...] = ((1.0, 8),)  # from the last guide, which is near its optimum
     perturbed: tuple[Stage, ...] = ((1.0, 60),)  # from another start of the same class
-    paces: tuple[float, ...] = (1.15, 1.03, 1.0 / 1.03)  # at which a guide is tried again: others touch corners elsewhere
+    paces: tuple[float, ...] = (
+        1.15,
+        1.03,
+        1.0 / 1.03,
+    )  # at which a guide is tried again: others touch corners elsewhere
     later_paces: tuple[tuple[float, ...], ...] = ((1.03,), (1.0 / 1.03,))  # of warm guides, by turns of plans
     paced: int = 12  # backward passes at most at each of them
     tolerance: float = 0.01  # a pass that is expected to gain less is the last [lambda]; less is below the noise of v

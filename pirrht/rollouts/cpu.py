@@ -37,7 +37,12 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
 
     @kernel
     def simulate(setup, tables, origin, number, start, stop, paths, states, applied):  # type: ignore[no-untyped-def]
-        times, window, first, scratch, h = tables.times, tables.window, tables.first, scratch_of(setup, tables), 0
+        times = tables.times
+        window = tables.window
+        first = tables.first
+        scratch = scratch_of(setup, tables)
+        h = 0
+
         now = np.zeros((2, m))
         for c in range(start, stop):
             s = number[c]
@@ -48,14 +53,21 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             now[:] = 0.0
             keep = KEPT(paths.log_ratio[c], states[c], applied[c], now)
             work, key, outcome, taken, last, lasting, exposed = one_path(setup, tables, origin, h, s, keep, scratch)
-            paths.work[c], paths.key[c], paths.outcome[c], paths.steps[c] = work, key, outcome, taken
+
+            paths.work[c] = work
+            paths.key[c] = key
+            paths.outcome[c] = outcome
+            paths.steps[c] = taken
+
             span = times[taken - 1] + last if taken <= window else times[window]
             paths.log_survival[c], paths.span[c], paths.exposure[c] = lasting, span, exposed
             for j in range(m):
-                paths.now[c, j], paths.start_control[c, j] = now[0, j] + span * now[1, j], now[1, j]
+                paths.now[c, j] = now[0, j] + span * now[1, j]
+                paths.start_control[c, j] = now[1, j]
 
     def sample(setup: Setup, tables: ProposalTables, origin: Origin, start: int, stop: int, paths: Paths) -> None:
-        states, applied = np.empty((stop, 0, 0)), np.empty((stop, 0, m))  # nothing is kept under way
+        states = np.empty((stop, 0, 0))  # nothing is kept under way
+        applied = np.empty((stop, 0, m))
         simulate(setup, tables, origin, np.arange(stop), start, stop, paths, states, applied)
 
     def replay(
@@ -101,10 +113,13 @@ class Cpu(NamedTuple):
     ) -> tuple[Array, Array]:
         """Return weight times control carried (groups, T, m) [control], and the weight under way (groups, T)."""
         _, T, m = tables.control.shape
-        total, alive = np.zeros((groups, T, m)), np.zeros((groups, T))
+        total = np.zeros((groups, T, m))
+        alive = np.zeros((groups, T))
+
         for start in range(0, len(chosen.number), TUNING.replayed):
             part = slice(start, start + TUNING.replayed)
-            group, weight = chosen.group[part], chosen.weight[part]
+            group = chosen.group[part]
+            weight = chosen.weight[part]
             _, applied, steps = self.replay(setup, tables, origin, chosen.number[part])
             under_way = np.where(np.arange(T) < steps[:, None], weight[:, None], 0.0)
             for g in range(groups):
@@ -117,7 +132,11 @@ class Cpu(NamedTuple):
     ) -> tuple[Array, Array, IntArray]:
         """Return states (c, T+1, n), controls carried up to the exit (c, T, m) [control] and steps taken (c,)."""
         (_, T, m), c = tables.control.shape, len(number)
-        states, applied, steps = np.zeros((c, T + 1, len(origin.x))), np.zeros((c, T, m)), np.zeros(c, np.int64)
+
+        states = np.zeros((c, T + 1, len(origin.x)))
+        applied = np.zeros((c, T, m))
+        steps = np.zeros(c, np.int64)
+
         number = np.ascontiguousarray(number)
 
         def work(start: int, stop: int) -> None:

@@ -18,14 +18,25 @@ from pirrht.rollouts.first_exit import (  # isort: skip
 @cache
 def ended_for(kind: KernelSpec) -> Any:
     """Build the kernel that ends a step at its crossing, so that only noise until then [s] enters dQ/dP."""
-    n, m, moving, along_line = kind.n, kind.m, kind.moving is not None, kind.along_line
+    n = kind.n
+    m = kind.m
+    moving = kind.moving is not None
+    along_line = kind.along_line
+
     isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @part
     def in_plane(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
         """End a step whose noise is its displacement; `moving_wall`: row 0 of moving walls is met."""
-        x, moved, f, y, B = scratch.x, scratch.moved, scratch.f, scratch.y, scratch.B
-        dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
+        x = scratch.x
+        moved = scratch.moved
+        f = scratch.f
+        y = scratch.y
+        B = scratch.B
+
+        dx = moved[0] - x[0] - f[0] * dt
+        dy = moved[1] - x[1] - f[1] * dt
+
         if moving and moving_wall:  # at its distance then
             gap, ux, uy, vx, vy = scratch.walls[0]
             met = max(gap, 0.0) - share * dt * ((vx - f[0]) * ux + (vy - f[1]) * uy), -ux, -uy
@@ -35,17 +46,26 @@ def ended_for(kind: KernelSpec) -> Any:
         state, dx, dy = at_crossing(met, radius, (dx, dy), share, math.sqrt(variance), state)
         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / variance
         y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / variance
-        moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
+        moved[0] = x[0] + f[0] * dt * share + dx
+        moved[1] = x[1] + f[1] * dt * share + dy
+
         return state, dt * share
 
     @part
     def on_line(scratch, arena, dt, share, rates, state):  # type: ignore[no-untyped-def]
         """End a step along a line at the goal's rim; other noise is that of a bridge."""
-        (xx, xy, yy), x, moved, y, B, column = rates, scratch.x, scratch.moved, scratch.y, scratch.B, scratch.column
+        xx, xy, yy = rates
+        x = scratch.x
+        moved = scratch.moved
+        y = scratch.y
+        B = scratch.B
+        column = scratch.column
+
         ex, ey, alone = line_of((xx * dt, xy * dt, yy * dt))
         if not alone:
             return state, dt
-        size, to_rim = xx + yy, rim_along(arena, x[0], x[1], ex, ey)
+        size = xx + yy
+        to_rim = rim_along(arena, x[0], x[1], ex, ey)
         spread, noisy, other = math.sqrt(share * (1.0 - share) * dt), 0.0, 0.0
         for j in range(m):
             z = other
@@ -83,18 +103,30 @@ def exits(kind: KernelSpec) -> Any:
     wall was met, and what is clear at its end.
     """
     noisy_position, moving, along_line = kind.noisy_position, kind.moving is not None, kind.along_line
-    among, ended = kind.moving or NOTHING_MOVES, ended_for(kind)
+    among = kind.moving or NOTHING_MOVES
+    ended = ended_for(kind)
     bridge_among, sweep_among, clearance_among = among.bridge, among.sweep, among.clearance
 
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]
         """Judge a step along the Brownian bridge between its ends."""
         (dt, now), (before, room), weighed = step, clear, tables.weighed
-        arena, x, y, mx, my = setup.world, scratch.x[0], scratch.x[1], scratch.moved[0], scratch.moved[1]
-        cov, after, wall, until = (rates[0] * dt, rates[1] * dt, rates[2] * dt), distances(arena, mx, my), False, dt
+
+        arena = setup.world
+        x = scratch.x[0]
+        y = scratch.x[1]
+        mx = scratch.moved[0]
+        my = scratch.moved[1]
+
+        cov = (rates[0] * dt, rates[1] * dt, rates[2] * dt)
+        after = distances(arena, mx, my)
+        wall = False
+        until = dt
+
         state, exit, share, missed = bridge_exit(arena, (x, y, mx, my), before, after, cov, weighed, state, along_line)
         if moving:
-            way, rule = (x, y, mx, my), (along_line, weighed)
+            way = (x, y, mx, my)
+            rule = (along_line, weighed)
             state, hit, alive = bridge_among(
                 setup.world.moving, scratch.watch, way, now, dt, cov, rule, state, scratch.walls
             )
@@ -110,7 +142,12 @@ def exits(kind: KernelSpec) -> Any:
     def on_path(setup, scratch, step, move, clear):  # type: ignore[no-untyped-def]
         """Judge a step without position noise along its path: exit, share, and what is clear at its end."""
         (dt, now), (arrived, ahead, turn, _), (before, room) = step, move, clear
-        x, y, mx, my = scratch.x[0], scratch.x[1], scratch.moved[0], scratch.moved[1]
+
+        x = scratch.x[0]
+        y = scratch.x[1]
+        mx = scratch.moved[0]
+        my = scratch.moved[1]
+
         exit, share = GOAL, ahead
         if not arrived:
             exit, share, room = sweep_exit(setup.world, x, y, mx, my, turn, room)
@@ -124,7 +161,8 @@ def exits(kind: KernelSpec) -> Any:
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]
         (dt, now), until = step, 0.0 if move[0] else step[0]
         if not setup.bridge:
-            mx, my = scratch.moved[0], scratch.moved[1]
+            mx = scratch.moved[0]
+            my = scratch.moved[1]
             exit = endpoint_exit(setup.world, mx, my)
             if moving and clearance_among(setup.world.moving, mx, my, now + dt) <= 0.0:
                 exit = COLLISION

@@ -42,7 +42,9 @@ def wall_slope(c, nx, ny, d, mx, my, offset):  # type: ignore[no-untyped-def]
 
     Along it, times BB', surviving paths lean away from walls: psi vanishes there like the distance, c > 0 [m].
     """
-    one, other = offset / (c * (c + offset)), offset / (d * (d + offset))
+    one = offset / (c * (c + offset))
+    other = offset / (d * (d + offset))
+
     return one * nx + other * mx, one * ny + other * my
 
 
@@ -60,7 +62,9 @@ def _obstacle_survival(field, x, y, nx, ny, c0, c1, variance):  # type: ignore[n
     """Probability that a bridge misses the obstacles: the two nearest that stand apart are a flat wall each."""
     if c1 <= 0.0:
         return 0.0
-    d0, d1 = interpolate(field, field.second, x, y), interpolate(field, field.second, nx, ny)
+    d0 = interpolate(field, field.second, x, y)
+    d1 = interpolate(field, field.second, nx, ny)
+
     if nearest_label(field, x, y) != nearest_label(field, nx, ny):
         _, gx, gy = with_slope(field, field.nearest, x, y)
         _, hx, hy = with_slope(field, field.nearest, nx, ny)
@@ -89,8 +93,10 @@ def line_of(cov):  # type: ignore[no-untyped-def]
 @inlined
 def rim_along(arena, x, y, ex, ey):  # type: ignore[no-untyped-def]
     """Distance along (ex, ey) from (x, y) to the goal's rim, negative behind [m]; infinity if the line misses it."""
-    dx, dy = arena.goal[0] - x, arena.goal[1] - y
-    middle, off = dx * ex + dy * ey, dx * ey - dy * ex
+    dx = arena.goal[0] - x
+    dy = arena.goal[1] - y
+    middle = dx * ex + dy * ey
+    off = dx * ey - dy * ex
     square = arena.radius * arena.radius - off * off
     return middle - math.copysign(math.sqrt(square), middle) if square > 0.0 else np.inf
 
@@ -106,7 +112,9 @@ def _cut_short(arena, step, before, after):  # type: ignore[no-untyped-def]
     """Return the distances after a step, negative where its chord meets a wall or the goal's disc."""
     (x, y, nx, ny), (c0, _, g0), (c1, e1, g1) = step, before, after
     square = (nx - x) * (nx - x) + (ny - y) * (ny - y)
-    past_wall, past_rim = c1 > 0.0 and (c0 + c1) * (c0 + c1) < square, g1 > 0.0 and (g0 + g1) * (g0 + g1) < square
+    past_wall = c1 > 0.0 and (c0 + c1) * (c0 + c1) < square
+    past_rim = g1 > 0.0 and (g0 + g1) * (g0 + g1) < square
+
     if past_wall or past_rim:
         exit, share, _ = sweep_exit(arena, x, y, nx, ny)
         c1 = c0 * (1.0 - 1.0 / share) if past_wall and exit == COLLISION else c1
@@ -117,7 +125,12 @@ def _cut_short(arena, step, before, after):  # type: ignore[no-untyped-def]
 @inlined
 def _meet_walls(field, step, before, after, cov, near, weighed, state):  # type: ignore[no-untyped-def]
     """Draw the next state, the share of a step at which a bridge meets `near` walls or NEVER, and log P(none)."""
-    (x, y, nx, ny), (c0, e0, _), (c1, e1, _), (near_wall, near_border), u = step, before, after, near, 1.0
+    x, y, nx, ny = step
+    c0, e0, _ = before
+    c1, e1, _ = after
+    near_wall, near_border = near
+    u = 1.0
+
     variance = _towards_wall(field, x, y, cov)
     alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
     if not weighed:
@@ -140,11 +153,14 @@ def _enter_goal(arena, step, g0, g1, cov, line, state):  # type: ignore[no-untyp
     x, y, nx, ny = step
     ex, ey, alone = line_of(cov)
     if line and alone:
-        to_rim, moved = rim_along(arena, x, y, ex, ey), (nx - x) * ex + (ny - y) * ey
+        to_rim = rim_along(arena, x, y, ex, ey)
+        moved = (nx - x) * ex + (ny - y) * ey
         variance = max(cov[0] + cov[2], MIN_VARIANCE)
-        g0, g1 = abs(to_rim), abs(to_rim) - math.copysign(1.0, to_rim) * moved
+        g0 = abs(to_rim)
+        g1 = abs(to_rim) - math.copysign(1.0, to_rim) * moved
     else:
-        ex, ey = (x - arena.goal[0]) / (g0 + arena.radius), (y - arena.goal[1]) / (g0 + arena.radius)
+        ex = (x - arena.goal[0]) / (g0 + arena.radius)
+        ey = (y - arena.goal[1]) / (g0 + arena.radius)
         variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, MIN_VARIANCE)
     state, u = uniform(state)
     if u < survival(g0, g1, variance):
@@ -165,7 +181,8 @@ def bridge_exit(arena, step, before, after, cov, weighed, state, line=False):  #
     """
     reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     after = _cut_short(arena, step, before, after)
-    near_wall, near_border = _may_meet(before[0], after[0], reach), _may_meet(before[1], after[1], reach)
+    near_wall = _may_meet(before[0], after[0], reach)
+    near_border = _may_meet(before[1], after[1], reach)
     wall_time, goal_time, lasting = NEVER, NEVER, 0.0
     if near_wall or near_border:
         near = near_wall, near_border
@@ -207,7 +224,8 @@ def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
 def towards_exit(arena, x, y, outcome):  # type: ignore[no-untyped-def]
     """Return the distance of (x, y) [m] from rim (GOAL) or wall, and the unit vector (x, y) towards it."""
     if outcome == GOAL:
-        nx, ny = arena.goal[0] - x, arena.goal[1] - y
+        nx = arena.goal[0] - x
+        ny = arena.goal[1] - y
         size = math.sqrt(nx * nx + ny * ny)
         return size - arena.radius, nx / size, ny / size
     gx, gy = slope_of(arena.field, x, y)
@@ -273,12 +291,14 @@ def _march(arena, x, y, nx, ny, turn, clear, ahead):  # type: ignore[no-untyped-
     if length == 0.0:
         return endpoint_exit(arena, nx, ny), 1.0, 0.0
     field, (gx, gy) = arena.field, arena.goal
-    ux, uy = (nx - x) / length, (ny - y) / length
+    ux = (nx - x) / length
+    uy = (ny - y) / length
     until, reach = np.inf, length + arena.radius
     if (gx - x) * (gx - x) + (gy - y) * (gy - y) <= reach * reach:
         until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, gx, gy, arena.radius)
     stop = min(length, until)
-    bow, pace = 0.5 * turn / length, 1.0 / math.sqrt(1.0 + 0.25 * turn * turn)
+    bow = 0.5 * turn / length
+    pace = 1.0 / math.sqrt(1.0 + 0.25 * turn * turn)
     s = min(stop, clear * pace)
     while True:
         aside = bow * s * (length - s)

@@ -22,16 +22,24 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
     """Head straight for the goal from x (2,) at the best speed: `Dynamics.homing` of a point among moving obstacles."""
     dx, dy = aim[0] - x[0], aim[1] - x[1]
     det = B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
-    a, b = (B[1, 1] * dx - B[0, 1] * dy) / det, (B[0, 0] * dy - B[1, 0] * dx) / det
+    a = (B[1, 1] * dx - B[0, 1] * dy) / det
+    b = (B[0, 0] * dy - B[1, 0] * dx) / det
     size = math.sqrt(a * a + b * b) + 1e-12
     scale = math.sqrt(2.0 * rate) / size
-    out[0], out[1] = scale * a, scale * b
+
+    out[0] = scale * a
+    out[1] = scale * b
 
 
 @cache
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, of all modes."""
-    n, m, modes, angles, noisy_position = kind.n, kind.m, kind.modes, kind.angles, kind.noisy_position
+    n = kind.n
+    m = kind.m
+    modes = kind.modes
+    angles = kind.angles
+    noisy_position = kind.noisy_position
+
     takes_law, gated, moving = kind.takes_law, kind.gated, kind.moving is not None
     (_, along_noise), homing_of = planar(kind), kind.homing
     _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
@@ -66,11 +74,16 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def row_of(tables, scratch, g, at):  # type: ignore[no-untyped-def]
         """Find the row of a law: the one that is due among moving obstacles, else the one whose state is nearest."""
-        law, led, s, (i, share) = tables.law, tables.law_length, scratch.stage[g], at
+        law = tables.law
+        led = tables.law_length
+        s = scratch.stage[g]
+        i, share = at
+
         if moving:
             s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
         elif s < led[g]:
-            pitch, final = 8 * law.shape[2], min(led[g], law.shape[1] - 1)
+            pitch = 8 * law.shape[2]
+            final = min(led[g], law.shape[1] - 1)
             first = law.ctypes.data + pitch * law.shape[1] * g
             s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x)
         scratch.stage[g] = s
@@ -79,7 +92,11 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def along_row(tables, scratch, g, s):  # type: ignore[no-untyped-def]
         """Write `a` of a law's row s."""
-        law, x, a, apart = tables.law, scratch.x, scratch.a, scratch.apart
+        law = tables.law
+        x = scratch.x
+        a = scratch.a
+        apart = scratch.apart
+
         row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
         steep = load_float64(row, end + 1)
         for k in range(n):
@@ -93,7 +110,11 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
         """Write `a` of a tube, whose desirability is climbed."""
-        ways, stage, px, py = tables.ways, scratch.stage, np.float32(scratch.x[0]), np.float32(scratch.x[1])
+        ways = tables.ways
+        stage = scratch.stage
+        px = np.float32(scratch.x[0])
+        py = np.float32(scratch.x[1])
+
         stage[g] = tube_at(tube_of(ways, g), stage[g], ways.decay, goal, px, py, scratch.tube, 0, 1)
         sx, sy = slope_of(scratch.tube, 0, 1, walls)
         along_noise(scratch.B, sx, sy, scratch.a, g)

@@ -48,13 +48,18 @@ def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     m, modes, has_laws = kind.m, kind.modes, kind.takes_law and not kind.gated
     *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
-    matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
+    matvec = vectors.matvec(modes, modes)
+    axpy = vectors.axpy(modes)
     even, steps = modes + modes % 2, kind.abreast
 
     @part
     def of_law(tables, scratch, g, h, i, dt):  # type: ignore[no-untyped-def]
         """Return the term of a law's step."""
-        law, drawn, a, off = tables.law, scratch.drawn, scratch.a, scratch.off
+        law = tables.law
+        drawn = scratch.drawn
+        a = scratch.a
+        off = scratch.off
+
         gained, row = 0.0, law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + scratch.stage[g])
         noise, size = scratch.fresh.ctypes.data + 8 * even * (i % steps), dt
         if g != h:  # from what was drawn under h, the noise that g would have had to draw
@@ -88,7 +93,10 @@ def recorder(kind: KernelSpec) -> Any:
     With wall drift, the proposal control over a step is the mean of both ends, to second order: the next step adds the
     second half (`owed`). Among moving obstacles it is `law_weight` of a point's law, and nothing of a steady one's.
     """
-    m, noisy_position, gated, steady = kind.m, kind.noisy_position, kind.gated, kind.is_martingale
+    m = kind.m
+    noisy_position = kind.noisy_position
+    gated = kind.gated
+    steady = kind.is_martingale
 
     @part
     def add_control(scratch, out, row, factor):  # type: ignore[no-untyped-def]
@@ -184,7 +192,12 @@ SCRATCH: Any = Scratch
 @cache
 def scratch_for(kind: KernelSpec) -> Any:
     """Build the kernel (setup, tables) that makes the scratch."""
-    n, m, rows, modes, fresh = kind.n, kind.m, kind.rows, kind.modes, kind.abreast * (kind.modes + kind.modes % 2)
+    n = kind.n
+    m = kind.m
+    rows = kind.rows
+    modes = kind.modes
+    fresh = kind.abreast * (kind.modes + kind.modes % 2)
+
     watch = (kind.moving or NOTHING_MOVES).watch
 
     @kernel
@@ -204,16 +217,31 @@ def scratch_for(kind: KernelSpec) -> Any:
 @cache
 def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
-    drift, q, n, noisy_position = kind.drift, kind.q, kind.n, kind.noisy_position
-    varying, state_dependent_gain = kind.diffusion_block is not None, kind.control_block is not None
+    drift = kind.drift
+    q = kind.q
+    n = kind.n
+    noisy_position = kind.noisy_position
+
+    varying = kind.diffusion_block is not None
+    state_dependent_gain = kind.control_block is not None
     varying_rate, drifting, curved_step = kind.varying_rate, drift is not no_drift, kind.curved_step
     moving, begin_watch = kind.moving is not None, (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance, move = planar(kind)[0], motion(kind)
-    length_of, gap_of, push_of, draw = length_for(kind), gap_for(kind), walls_for(kind), noise_for(kind)
+    covariance = planar(kind)[0]
+    move = motion(kind)
+
+    length_of = length_for(kind)
+    gap_of = gap_for(kind)
+    push_of = walls_for(kind)
+    draw = noise_for(kind)
+
     shapes = shapes_for(kind)
-    aim, judge, add_log_ratios = aims(kind), exits(kind), log_ratios(kind)
+
+    aim = aims(kind)
+    judge = exits(kind)
+    add_log_ratios = log_ratios(kind)
+
     relax, record = recorder(kind)
 
     @part
@@ -281,7 +309,11 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, the log
             probability that no wall was met on the way, where that is weighed, and the exposure to walls.
         """
-        times, x, moved, T = tables.times, scratch.x, scratch.moved, tables.control.shape[1]
+        times = tables.times
+        x = scratch.x
+        moved = scratch.moved
+        T = tables.control.shape[1]
+
         begin(setup, tables, origin, scratch)
         keep_state(keep, 0, x)
         first, sign = antithetic(sample, tables.first[h], tables.mirrored)
@@ -289,12 +321,15 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         key = np.int64(tables.marks.opening if moving else 0)
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
         stretch = 0.0, -1.0, 0.0  # exposure to walls, and what `expose` judges it by
-        known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.world, x[0], x[1]), 0.0)
+        known = (covariance(scratch.B), False, NO_WALLS)
+        clear = (distances(setup.world, x[0], x[1]), 0.0)
+
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE
             while left > 0.0 and exit == INSIDE:
-                now, where = origin.time + times[i] + done, (i, whole, i == 0 and done == 0.0)
+                now = origin.time + times[i] + done
+                where = (i, whole, i == 0 and done == 0.0)
                 rates, dt, walls, close = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 if noisy_position:
                     stretch = expose(scratch, setup.world.field, stretch, clear[0], rates, close)

@@ -28,7 +28,12 @@ from pirrht.rollouts.tuning import TUNING
 def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     """Judge the step of a lane that may have ended on its way: outcome and share of the step."""
     arena, B = setup.world, setup.diffusion
-    x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
+
+    x = np.float64(f[X + k])
+    y = np.float64(f[Y + k])
+    nx = np.float64(f[NX + k])
+    ny = np.float64(f[NY + k])
+
     before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
     after = np.float64(f[C1 + k]), np.float64(f[E1 + k]), np.float64(f[G1 + k])
     variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
@@ -40,11 +45,13 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
-        met, radius = towards_exit(arena, x, y, outcome), arena.radius if outcome == GOAL else 0.0
+        met = towards_exit(arena, x, y, outcome)
+        radius = arena.radius if outcome == GOAL else 0.0
         _, dx, dy = at_crossing(met, radius, (nx - x, ny - y), share, math.sqrt(step), state)
         f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
         f[Z1 + k] = (B[0, 1] * dx + B[1, 1] * dy) / variance
-        f[NX + k], f[NY + k] = x + dx, y + dy
+        f[NX + k] = x + dx
+        f[NY + k] = y + dy
     return outcome, share
 
 
@@ -54,19 +61,38 @@ def retire(setup, tables, h, outcome, share, k, scratch, paths):  # type: ignore
     times, window, inverse = tables.times, tables.window, setup.inverse
     f, a, ratio, short, long, _, _ = scratch
     k = lane(k)
-    i, s, until = np.int64(short[STEP + k]), long[SAMPLE + k], np.float64(f[DT + k]) * share  # no dQ/dP after crossings
-    n0, n1, span = np.float64(f[SUM0 + k]), np.float64(f[SUM1 + k]), times[min(i, window)]
+
+    i = np.int64(short[STEP + k])
+    s = long[SAMPLE + k]
+    until = np.float64(f[DT + k]) * share  # no dQ/dP after crossings
+
+    n0 = np.float64(f[SUM0 + k])
+    n1 = np.float64(f[SUM1 + k])
+    span = times[min(i, window)]
+
     if i < window:
         own = row_of(h, 2) + k
-        n0, n1 = n0 + f[Z0 + k] - a[own] * until, n1 + f[Z1 + k] - a[own + L] * until
+        n0 = n0 + f[Z0 + k] - a[own] * until
+        n1 = n1 + f[Z1 + k] - a[own + L] * until
         span += np.float64(f[SPENT + k]) + until
-    y0, y1, total = np.float64(f[Z0 + k]), np.float64(f[Z1 + k]), np.float64(ratio[row_of(h, 1) + k]) + f[LOST + k]
+
+    y0 = np.float64(f[Z0 + k])
+    y1 = np.float64(f[Z1 + k])
+    total = np.float64(ratio[row_of(h, 1) + k]) + f[LOST + k]
+
     for g in range(tables.drift.shape[0]):  # the others are kept as what they are more
-        a0, a1 = np.float64(a[row_of(g, 2) + k]), np.float64(a[row_of(g, 2) + L + k])
+        a0 = np.float64(a[row_of(g, 2) + k])
+        a1 = np.float64(a[row_of(g, 2) + L + k])
         more = 0.0 if g == h else np.float64(ratio[row_of(g, 1) + k])
         paths.log_ratio[s, g] = total + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
-    paths.work[s], paths.key[s] = setup.rate * (times[i] + np.float64(f[SPENT + k]) + until), long[KEY + k]
-    paths.outcome[s], paths.steps[s], paths.span[s], paths.log_survival[s] = outcome, i + 1, span, f[LOG_SURVIVAL + k]
+    paths.work[s] = setup.rate * (times[i] + np.float64(f[SPENT + k]) + until)
+    paths.key[s] = long[KEY + k]
+
+    paths.outcome[s] = outcome
+    paths.steps[s] = i + 1
+    paths.span[s] = span
+    paths.log_survival[s] = f[LOG_SURVIVAL + k]
+
     paths.exposure[s] = f[EXPOSURE + k]
     for j in range(2):
         paths.now[s, j] = inverse[j, 0] * n0 + inverse[j, 1] * n1 + span * paths.start_control[s, j]
@@ -76,15 +102,25 @@ def retire(setup, tables, h, outcome, share, k, scratch, paths):  # type: ignore
 def compact(k, last, H, scratch):  # type: ignore[no-untyped-def]
     """Move the last lane to where lane k has left."""
     f, a, ratio, short, long, random, _ = scratch
-    k, last = lane(k), lane(last)
+    k = lane(k)
+    last = lane(last)
+
     for row in range(X, TUBE, L):
         f[row + k] = f[row + last]
     for row in range(0, short.shape[0], L):
         short[row + k] = short[row + last]
-    random[k], long[KEY + k], long[SAMPLE + k] = random[last], long[KEY + last], long[SAMPLE + last]
+
+    random[k] = random[last]
+    long[KEY + k] = long[KEY + last]
+    long[SAMPLE + k] = long[SAMPLE + last]
+
     for g in range(H if k < last else 0):
-        one, two = row_of(g, 1), row_of(g, 2)
-        ratio[one + k], a[two + k], a[two + L + k] = ratio[one + last], a[two + last], a[two + L + last]
+        one = row_of(g, 1)
+        two = row_of(g, 2)
+
+        ratio[one + k] = ratio[one + last]
+        a[two + k] = a[two + last]
+        a[two + L + k] = a[two + L + last]
 
 
 @inlined
@@ -92,7 +128,8 @@ def record(into, k, scratch):  # type: ignore[no-untyped-def]
     """Write where a step leads, and add its noise y = a dt + dw, to the row of `into` for its step of the grid."""
     f, _, _, short, long, _, _ = scratch
     out = into[long[SAMPLE + k], short[STEP + k]]
-    out[0], out[1] = f[NX + k], f[NY + k]
+    out[0] = f[NX + k]
+    out[1] = f[NY + k]
     out[2] += f[Z0 + k]
     out[3] += f[Z1 + k]
 
@@ -125,7 +162,11 @@ def end_late(setup, tables, h, n, scratch, paths):  # type: ignore[no-untyped-de
     times, T = tables.times, tables.times.shape[0] - 1
     for k in range(n - 1, -1, -1):
         if short[STEP + k] >= T:
-            f[Z0 + k], f[Z1 + k], f[DT + k], f[SPENT + k] = 0.0, 0.0, 0.0, times[T] - times[T - 1]
+            f[Z0 + k] = 0.0
+            f[Z1 + k] = 0.0
+            f[DT + k] = 0.0
+            f[SPENT + k] = times[T] - times[T - 1]
+
             short[STEP + k] = T - 1
             retire(setup, tables, h, INSIDE, 1.0, k, scratch, paths)
             n -= 1
@@ -138,11 +179,22 @@ def begin(tables, origin, h, start, number, scratch):  # type: ignore[no-untyped
     """Set all lanes to the start of their paths."""
     f, _, ratio, short, long, random, _ = scratch
     x = origin.x
-    f[:], short[:], long[:], ratio[:] = 0.0, 0, 0, 0.0
-    f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[DT:ROOT] = x[0], x[1], x[0], x[1], 1.0
+
+    f[:] = 0.0
+    short[:] = 0
+    long[:] = 0
+    ratio[:] = 0.0
+
+    f[X:Y] = x[0]
+    f[Y:Z0] = x[1]
+    f[NX:NY] = x[0]
+    f[NY:C0] = x[1]
+    f[DT:ROOT] = 1.0
+
     for k in range(number.shape[0]):
         first, f[SIGN + k] = antithetic(number[k], tables.first[h], tables.mirrored)
-        random[k], long[SAMPLE + k] = stream(origin.seed, first), start + k
+        random[k] = stream(origin.seed, first)
+        long[SAMPLE + k] = start + k
 
 
 @inlined
@@ -165,7 +217,9 @@ def write_controls(setup, tables, around, B, h, scratch, n):  # type: ignore[no-
 def lead(setup, h, paths, f, a, rows):  # type: ignore[no-untyped-def]
     """Write the proposal control at the start, without wall drift, of samples in some rows of `paths`."""
     mine, inverse = 2 * h * L, setup.inverse
-    a0, a1 = a[mine] - f[PUSH0], a[mine + L] - f[PUSH1]
+    a0 = a[mine] - f[PUSH0]
+    a1 = a[mine + L] - f[PUSH1]
+
     for s in range(*rows):
         for j in range(2):
             paths.start_control[s, j] = inverse[j, 0] * a0 + inverse[j, 1] * a1
@@ -175,9 +229,14 @@ def lead(setup, h, paths, f, a, rows):  # type: ignore[no-untyped-def]
 def block(setup, around, tables, origin, h, rows, number, paths, into, scratch):  # type: ignore[no-untyped-def]
     """Simulate samples of some numbers, at most LANES, around reference h to rows of `paths` and any of `into`."""
     f, a, ratio, short, long, random, bits = scratch
-    (H, T, _), n, B = tables.drift.shape, number.shape[0], single_matrix(setup.diffusion)
+
+    H, T, _ = tables.drift.shape
+    n = number.shape[0]
+    B = single_matrix(setup.diffusion)
+
     follows, wide = tables.wall_offset > 0.0, setup.diffusion
-    variance, rim = wide[0, 0] * wide[0, 0] + wide[0, 1] * wide[0, 1], TUNING.rim * setup.world.radius
+    variance = wide[0, 0] * wide[0, 0] + wide[0, 1] * wide[0, 1]
+    rim = TUNING.rim * setup.world.radius
     begin(tables, origin, h, rows[0], number, scratch)
     survey(around, f, short, LANES)
     for k in range(C1 - C0):  # a copy between slices would compile for two seconds
@@ -223,7 +282,8 @@ def blocks(setup, around, tables, origin, number, start, stop, paths, into, scra
 
 def sample(setup: Any, tables: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
-    nowhere, scratch = np.empty((0, 0, 4), np.float32), scratch_of(len(tables.control))
+    nowhere = np.empty((0, 0, 4), np.float32)
+    scratch = scratch_of(len(tables.control))
     blocks(setup, single(setup.world), tables, origin, np.arange(stop), start, stop, paths, nowhere, scratch)
 
 
@@ -231,8 +291,12 @@ def replay(
     setup: Any, tables: Any, origin: Origin, number: IntArray, states: Array, applied: Array, steps: IntArray
 ) -> None:
     """Write states (c, T+1, 2), controls carried (c, T, 2) and steps (c,) of samples of some numbers (c,)."""
-    (H, T, m), c, order = tables.control.shape, len(number), np.argsort(number, kind="stable")
-    into, paths = np.zeros((c, T, 4), np.float32), empty_paths(c, H, m)
+    H, T, m = tables.control.shape
+    c = len(number)
+    order = np.argsort(number, kind="stable")
+
+    into = np.zeros((c, T, 4), np.float32)
+    paths = empty_paths(c, H, m)
     blocks(setup, single(setup.world), tables, origin, number[order], 0, c, paths, into, scratch_of(H))
     states[:, 0], states[order, 1:], steps[order] = origin.x, into[:, :, :2], paths.steps
     applied[order] = into[:, :, 2:] @ setup.inverse.T / np.diff(tables.times)[:, None]

@@ -21,7 +21,8 @@ from pirrht.rollouts.tuning import TUNING
 from pirrht.topology.crossings import FEW_MARKERS, key_of_step, turn_at_cut
 
 SLOW = len(Outcome)  # flag of lanes whose step is to be judged by `bridge_exit`
-FAR_PER, MIN_MISSED = np.float32(FAR), np.float32(1e-7)
+FAR_PER = np.float32(FAR)
+MIN_MISSED = np.float32(1e-7)
 LANES, WIDE = TUNING.lanes, TUNING.vector
 L = LANES + WIDE  # from row to row: not a power of two, or rows would compete for the same places in the cache
 # Rows of a block's numbers, each of all lanes: position, noise, where the step leads, what is close before and after.
@@ -31,8 +32,17 @@ X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, SUM0, SUM1, SIGN, LO
 # nearest walls; time of the last step for which half of the guide has not been taken off the sum [s]; of a tube.
 DT, ROOT, LEFT, SPENT, LOG_SURVIVAL, EXPOSURE, BEGAN, SINCE = (L * i for i in range(18, 26))
 U, V, PER, CORNER, WALL = (L * i for i in (26, 27, 28, 29, 37))
-OWED, TUBE, ROWS = 43 * L, 44 * L, 44 + NUMBERS
-KEY, SAMPLE, HIGH, LOW = 0, L, 0, L  # rows of its long integers, and of its bits
+
+OWED = 43 * L
+TUBE = 44 * L
+ROWS = 44 + NUMBERS
+
+# Rows of its long integers, and of its bits:
+KEY = 0
+SAMPLE = L
+HIGH = 0
+LOW = L
+
 FLAG, CELL, STEP, LISTED, STAGE = (L * i for i in range(5))  # of its short integers; cross-sections passed come last
 
 
@@ -47,7 +57,9 @@ def aligned(count: int, kind: type) -> Any:
 def scratch_of(H: int) -> tuple[Any, ...]:
     """Allocate a block for H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
     numbers = (aligned(rows * L, np.float32) for rows in (ROWS, 2 * H, H))
-    short, long = aligned((4 + H) * L, np.int32), aligned(2 * L, np.int64)
+    short = aligned((4 + H) * L, np.int32)
+    long = aligned(2 * L, np.int64)
+
     return *numbers, short, long, aligned(L, np.uint64), aligned(2 * L, np.uint32)
 
 
@@ -81,7 +93,11 @@ def single_matrix(B):  # type: ignore[no-untyped-def]
 @inlined
 def fit_steps(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped-def]
     """Fit steps to the places of the lanes (`fitting`); where a step of the grid is over, the next begins."""
-    least, scale, rim, ends = np.float32(least), np.float32(scale), np.float32(rim), times.ctypes.data
+    least = np.float32(least)
+    scale = np.float32(scale)
+    rim = np.float32(rim)
+    ends = times.ctypes.data
+
     for k in range(n):
         i = min(np.int64(short[STEP + k]), times.shape[0] - 2)  # lanes that have ended stand beyond
         whole = np.float32(load_float64(ends, i + 1) - load_float64(ends, i))
@@ -89,7 +105,10 @@ def fit_steps(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped
     for k in range(n):
         near = max(min(min(f[C0 + k], f[E0 + k]), max(f[G0 + k], rim)), ZERO)
         dt = fitting(near, f[LEFT + k], least, scale)
-        f[DT + k], f[ROOT + k], f[LEFT + k] = dt, math.sqrt(dt), f[LEFT + k] - dt
+
+        f[DT + k] = dt
+        f[ROOT + k] = math.sqrt(dt)
+        f[LEFT + k] = f[LEFT + k] - dt
 
 
 @inlined
@@ -98,21 +117,32 @@ def wall_push(field, offset, shift, B, f, short, n):  # type: ignore[no-untyped-
 
     It uses the cells and corners of `survey`. Nearer than half of the deviation of a step a wall pushes no harder.
     """
-    (b00, b01, b10, b11), offset, shift = B, np.float32(offset), np.float32(shift)
+    b00, b01, b10, b11 = B
+    offset = np.float32(offset)
+    shift = np.float32(shift)
+
     half = HALF * math.sqrt(b00 * b00 + b01 * b01)  # of the deviation of a second
     corners(field, field.second, f, short, CORNER + 4 * L, n)
     for k in range(n):
         at = CORNER + k
-        u, v, per = f[U + k], f[V + k], f[PER + k]
+
+        u = f[U + k]
+        v = f[V + k]
+        per = f[PER + k]
+
         nearest = bilinear_slope(f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], u, v, per)
         second = bilinear_slope(f[at + 4 * L], f[at + 5 * L], f[at + 6 * L], f[at + 7 * L], u, v, per)
         c, nx, ny, d, mx, my = walls_of(field, f[X + k], f[Y + k], nearest, second)
         widest = half * f[ROOT + k]
-        c, d = max(c + shift, widest), max(d + shift, widest)
+
+        c = max(c + shift, widest)
+        d = max(d + shift, widest)
         f[WALL + k], f[WALL + L + k], f[WALL + 2 * L + k] = c, nx, ny
         f[WALL + 3 * L + k], f[WALL + 4 * L + k], f[WALL + 5 * L + k] = d, mx, my
+
         gx, gy = wall_slope(c, nx, ny, d, mx, my, offset)
-        f[PUSH0 + k], f[PUSH1 + k] = b00 * gx + b10 * gy, b01 * gx + b11 * gy
+        f[PUSH0 + k] = b00 * gx + b10 * gy
+        f[PUSH1 + k] = b01 * gx + b11 * gy
 
 
 @inlined
@@ -120,7 +150,8 @@ def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untype
     """Write a_g of a control sequence, its row of `ProposalTables.drift`, by address, and the push."""
     row = row_of(g, 2)
     for k in range(n):
-        a[row + k], a[row + L + k] = f[PUSH0 + k], f[PUSH1 + k]
+        a[row + k] = f[PUSH0 + k]
+        a[row + L + k] = f[PUSH1 + k]
     for k in range(n if active > 0 else 0):
         i = np.int64(short[STEP + k])
         if i < active:
@@ -134,7 +165,12 @@ def tube_control(tube, decay, goal, g, h, B, scratch, n):  # type: ignore[no-unt
     """Write a_g = B' grad log psi of one reference with a tube at the lanes' states, or a_h if `negligible`."""
     f, a, ratio, short, _, _, _ = scratch
     (b00, b01, b10, b11), negligible, count = B, np.float32(-TUNING.negligible), 0
-    row, stage, own, mine = row_of(g, 2), STAGE + row_of(g, 1), row_of(g, 1), row_of(h, 2)
+
+    row = row_of(g, 2)
+    stage = STAGE + row_of(g, 1)
+    own = row_of(g, 1)
+    mine = row_of(h, 2)
+
     for k in range(n):  # those that count are listed, and looked up lane by lane
         short[LISTED + count] = np.int32(k)
         count += 1 if (g == h) | (ratio[own + k] >= negligible) else 0
@@ -146,7 +182,8 @@ def tube_control(tube, decay, goal, g, h, B, scratch, n):  # type: ignore[no-unt
         at = WALL + k
         walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
         gx, gy = slope_of(f, TUBE + k, L, walls)
-        a[row + k], a[row + L + k] = b00 * gx + b10 * gy, b01 * gx + b11 * gy
+        a[row + k] = b00 * gx + b10 * gy
+        a[row + L + k] = b01 * gx + b11 * gy
     for k in range(n if g != h else 0):
         over = ratio[own + k] < negligible
         a[row + k] = a[mine + k] if over else a[row + k]
@@ -172,7 +209,8 @@ def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
         bits[HIGH + k], bits[LOW + k] = halves(state)
     for k in range(n):
         one, other = normals_of(bits[HIGH + k], bits[LOW + k])
-        f[Z0 + k], f[Z1 + k] = f[SIGN + k] * one, f[SIGN + k] * other
+        f[Z0 + k] = f[SIGN + k] * one
+        f[Z1 + k] = f[SIGN + k] * other
 
 
 @inlined
@@ -180,10 +218,13 @@ def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
     """Write where the step leads; its noise Z becomes y = a dt + dw."""
     row, (b00, b01, b10, b11) = row_of(h, 2), B
     for k in range(n):
-        root, dt = f[ROOT + k], f[DT + k]
-        y0, y1 = f[Z0 + k] * root + a[row + k] * dt, f[Z1 + k] * root + a[row + L + k] * dt
+        root = f[ROOT + k]
+        dt = f[DT + k]
+        y0 = f[Z0 + k] * root + a[row + k] * dt
+        y1 = f[Z1 + k] * root + a[row + L + k] * dt
         f[Z0 + k], f[Z1 + k] = y0, y1
-        f[NX + k], f[NY + k] = f[X + k] + b00 * y0 + b01 * y1, f[Y + k] + b10 * y0 + b11 * y1
+        f[NX + k] = f[X + k] + b00 * y0 + b01 * y1
+        f[NY + k] = f[Y + k] + b10 * y0 + b11 * y1
 
 
 @inlined
@@ -193,9 +234,12 @@ def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
         for k in range(n):
             long[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
         return
-    gx, gy = np.float32(cuts.goal_x), np.float32(cuts.goal_y)
+    gx = np.float32(cuts.goal_x)
+    gy = np.float32(cuts.goal_y)
+
     for c in range(cuts.M):
-        mx, my = np.float32(load_float64(cuts.x, c)), np.float32(load_float64(cuts.y, c))
+        mx = np.float32(load_float64(cuts.x, c))
+        my = np.float32(load_float64(cuts.y, c))
         weight = load_int64(cuts.weight, c)
         for k in range(n):
             turn = turn_at_cut(mx, my, gx, gy, f[X + k], f[Y + k], f[NX + k], f[NY + k])
@@ -207,9 +251,11 @@ def corners(field, grid, f, short, row, n):  # type: ignore[no-untyped-def]
     """Load values of the grid at the corners of the lanes' cells, lane by lane, since addresses defy vector loads."""
     for k in range(n):
         cell = np.int64(short[CELL + k])
-        f[row + k], f[row + L + k] = load_float32(grid, cell), load_float32(grid, cell + 1)
+        f[row + k] = load_float32(grid, cell)
+        f[row + L + k] = load_float32(grid, cell + 1)
         cell += field.stride
-        f[row + 2 * L + k], f[row + 3 * L + k] = load_float32(grid, cell), load_float32(grid, cell + 1)
+        f[row + 2 * L + k] = load_float32(grid, cell)
+        f[row + 3 * L + k] = load_float32(grid, cell + 1)
 
 
 @inlined
@@ -219,7 +265,10 @@ def locate(field, f, short, n):  # type: ignore[no-untyped-def]
         for k in range(n):
             fx, fy, i, j = finest_cell(field, f[NX + k], f[NY + k])
             short[CELL + k] = np.int32(i * np.int32(field.ny) + j)
-            f[U + k], f[V + k], f[PER + k] = fx - np.float32(i), fy - np.float32(j), field.per
+
+            f[U + k] = fx - np.float32(i)
+            f[V + k] = fy - np.float32(j)
+            f[PER + k] = field.per
         return
     for k in range(n):
         fx, fy, i, j = finest_cell(field, f[NX + k], f[NY + k])
@@ -236,7 +285,12 @@ def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
     for k in range(n):
         x, y = f[NX + k], f[NY + k]
         edge = border(field, x, y)
-        a, b, c, d = f[CORNER + k], f[CORNER + L + k], f[CORNER + 2 * L + k], f[CORNER + 3 * L + k]
+
+        a = f[CORNER + k]
+        b = f[CORNER + L + k]
+        c = f[CORNER + 2 * L + k]
+        d = f[CORNER + 3 * L + k]
+
         near = bilinear(a, b, c, d, f[U + k], f[V + k])
         f[C1 + k], f[E1 + k] = near if edge > ZERO else edge, edge
         f[G1 + k] = math.sqrt((x - gx) * (x - gx) + (y - gy) * (y - gy)) - radius
@@ -260,9 +314,17 @@ def bridge(variance, weighed, f, short, n):  # type: ignore[no-untyped-def]
     """Flag and count lanes whose step may have ended on its way, or that two walls weigh; variance is per second."""
     far, slow = np.float32(FAR * variance), 0
     for k in range(n):
-        c0, c1, e0, e1, g0, g1 = f[C0 + k], f[C1 + k], f[E0 + k], f[E1 + k], f[G0 + k], f[G1 + k]
-        dx, dy = f[NX + k] - f[X + k], f[NY + k] - f[Y + k]
-        square, reach = dx * dx + dy * dy, far * f[DT + k]
+        c0 = f[C0 + k]
+        c1 = f[C1 + k]
+        e0 = f[E0 + k]
+        e1 = f[E1 + k]
+        g0 = f[G0 + k]
+        g1 = f[G1 + k]
+
+        dx = f[NX + k] - f[X + k]
+        dy = f[NY + k] - f[Y + k]
+        square = dx * dx + dy * dy
+        reach = far * f[DT + k]
         past = (e1 <= ZERO) | (g1 <= ZERO) | (c1 <= ZERO) | (TWO * e0 * e1 < reach) | (TWO * g0 * g1 < reach)
         past |= ((c0 + c1) * (c0 + c1) < square) | ((g0 + g1) * (g0 + g1) < square)
         near, doubt = TWO * c0 * c1 < reach, past
@@ -281,13 +343,20 @@ def bridge(variance, weighed, f, short, n):  # type: ignore[no-untyped-def]
 @inlined
 def expose(variance, f, short, n):  # type: ignore[no-untyped-def]
     """Add the `exposure` of lanes that go on, where a stretch of time ends near a wall; `variance` is per second."""
-    far, stretch, deviation = np.float32(FAR * variance), np.float32(TUNING.stretch), np.float32(math.sqrt(variance))
+    far = np.float32(FAR * variance)
+    stretch = np.float32(TUNING.stretch)
+    deviation = np.float32(math.sqrt(variance))
+
     for k in range(n):
-        since, c0, c1 = f[SINCE + k] + f[DT + k], f[BEGAN + k], min(f[C1 + k], f[E1 + k])
+        since = f[SINCE + k] + f[DT + k]
+        c0 = f[BEGAN + k]
+        c1 = min(f[C1 + k], f[E1 + k])
+
         over = since >= stretch
         near = over & (TWO * c0 * c1 < far * since)
         short[FLAG + k] = 1 if near else 0
-        f[SINCE + k], f[BEGAN + k] = ZERO if over & ~near else since, c1 if over & ~near else c0
+        f[SINCE + k] = ZERO if over & ~near else since
+        f[BEGAN + k] = c1 if over & ~near else c0
     for k in range(n):
         if short[FLAG + k] != 0:
             c1 = min(f[C1 + k], f[E1 + k])
@@ -303,17 +372,27 @@ def add_log_ratios(h, H, f, a, ratio, n):  # type: ignore[no-untyped-def]
     """
     mine = row_of(h, 2)
     for g in range(H):
-        row, own = row_of(g, 2), row_of(g, 1)
+        row = row_of(g, 2)
+        own = row_of(g, 1)
+
         if g == h:
             for k in range(n):
-                a0, a1, dt = a[row + k], a[row + L + k], f[DT + k]
+                a0 = a[row + k]
+                a1 = a[row + L + k]
+                dt = f[DT + k]
+
                 term = a0 * (f[Z0 + k] - HALF * a0 * dt) + a1 * (f[Z1 + k] - HALF * a1 * dt) + f[LOST + k]
                 total = ratio[own + k] + term
                 f[LOST + k] = term - (total - ratio[own + k])
                 ratio[own + k] = total
         else:
             for k in range(n):
-                a0, a1, b0, b1, dt = a[row + k], a[row + L + k], a[mine + k], a[mine + L + k], f[DT + k]
+                a0 = a[row + k]
+                a1 = a[row + L + k]
+                b0 = a[mine + k]
+                b1 = a[mine + L + k]
+                dt = f[DT + k]
+
                 term = (a0 - b0) * (f[Z0 + k] - HALF * (a0 + b0) * dt)
                 ratio[own + k] += term + (a1 - b1) * (f[Z1 + k] - HALF * (a1 + b1) * dt)
 
@@ -324,15 +403,25 @@ def advance(h, window, follows, f, short, a, n):  # type: ignore[no-untyped-def]
 
     Of a lead that `follows` the state half is taken off here, half by `relax`.
     """
-    row, window, most, part = row_of(h, 2), np.int32(window), np.int32(0), HALF if follows else ONE
+    row = row_of(h, 2)
+    window = np.int32(window)
+    most = np.int32(0)
+    part = HALF if follows else ONE
+
     for k in range(n):
-        early, dt = short[STEP + k] < window, f[DT + k]
+        early = short[STEP + k] < window
+        dt = f[DT + k]
         f[SUM0 + k] += f[Z0 + k] - part * a[row + k] * dt if early else ZERO
         f[SUM1 + k] += f[Z1 + k] - part * a[row + L + k] * dt if early else ZERO
         f[OWED + k] = dt if early and follows else ZERO
     for k in range(n):
-        f[X + k], f[Y + k] = f[NX + k], f[NY + k]
-        f[C0 + k], f[E0 + k], f[G0 + k] = f[C1 + k], f[E1 + k], f[G1 + k]
+        f[X + k] = f[NX + k]
+        f[Y + k] = f[NY + k]
+
+        f[C0 + k] = f[C1 + k]
+        f[E0 + k] = f[E1 + k]
+        f[G0 + k] = f[G1 + k]
+
         over = f[LEFT + k] <= ZERO
         f[SPENT + k] = ZERO if over else f[SPENT + k] + f[DT + k]
         step = np.int32(short[STEP + k] + (np.int32(1) if over else np.int32(0)))

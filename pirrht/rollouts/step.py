@@ -123,7 +123,9 @@ def gap_among(walls, count, cov, along_line):  # type: ignore[no-untyped-def]
     """Return the least clearance of moving walls [m], along a line over the share of noise they face (`facing`)."""
     nearest = np.inf
     for k in range(count):
-        nx, ny, share = walls[k, 1], walls[k, 2], 1.0
+        nx, ny = walls[k, 1], walls[k, 2]
+        share = 1.0
+
         if along_line:
             share = (cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny) / (cov[0] + cov[2])
         nearest = min(nearest, walls[k, 0] / math.sqrt(max(share, SIDEWAYS)))
@@ -139,7 +141,9 @@ def length_for(kind: KernelSpec) -> Any:
     def narrowest(tables, scratch, arena, rates, before, left, close):  # type: ignore[no-untyped-def]
         """Return the distance that the step is fitted to, and what fitting scales its square by."""
         (xx, xy, yy), x = rates, scratch.x
-        scale, gap = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy))), before[0]
+        scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
+        gap = before[0]
+
         if along_line and gap > 0.0 and scale * gap * gap < left:
             gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
         if moving:
@@ -148,7 +152,11 @@ def length_for(kind: KernelSpec) -> Any:
 
     @part
     def fitted(setup, tables, scratch, rates, before, left, now):  # type: ignore[no-untyped-def]
-        x, close, until, dt = scratch.x, 0, np.inf, left
+        x = scratch.x
+        close = 0
+        until = np.inf
+        dt = left
+
         if moving:  # as far as noise carries a path that is not to be split, or walls push
             within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), TUNING.push_cutoff * tables.wall_offset)
             close, until = near(setup.world.moving, scratch.watch, x[0], x[1], now, within, scratch.walls)
@@ -180,7 +188,9 @@ def planar(kind: KernelSpec) -> tuple[Any, Any]:
         xx, xy, yy = 0.0, 0.0, 0.0
         for j in range(m):
             bx, by = row(B, j)
-            xx, xy, yy = xx + bx * bx, xy + bx * by, yy + by * by
+            xx += bx * bx
+            xy += bx * by
+            yy += by * by
         return xx, xy, yy
 
     @part
@@ -196,12 +206,14 @@ def planar(kind: KernelSpec) -> tuple[Any, Any]:
 @cache
 def walls_for(kind: KernelSpec) -> Any:
     """Build the kernel that writes the drift of the two nearest walls, B' grad log psi there, and returns those."""
-    moving, (_, along_noise) = kind.moving is not None, planar(kind)
+    moving = kind.moving is not None
+    _, along_noise = planar(kind)
 
     @part
     def push_of(tables, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
         c, wx, wy, d, vx, vy = two_walls(arena.field, scratch.x[0], scratch.x[1])
-        widest, shift = np.float32(0.5 * math.sqrt(max(cov[0], cov[2]))), np.float32(tables.set_back)
+        widest = np.float32(0.5 * math.sqrt(max(cov[0], cov[2])))
+        shift = np.float32(tables.set_back)
         walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
         if moving and close > 0:
             walls = with_walls(walls, scratch.walls, close, np.float64(widest))
@@ -237,13 +249,23 @@ def shapes_for(kind: KernelSpec) -> Any:
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
     m, modes = kind.m, kind.modes
-    shape, even, steps = law_columns(kind.n, modes)[3], modes + modes % 2, kind.abreast
-    matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
+
+    shape = law_columns(kind.n, modes)[3]
+    even = modes + modes % 2
+    steps = kind.abreast
+
+    matvec = vectors.matvec(modes, modes)
+    axpy = vectors.axpy(modes)
 
     @part
     def under_law(tables, scratch, state, sign, h, i, dt, shaped):  # type: ignore[no-untyped-def]
         """Draw under a law's step, whose covariance counts where the step is `shaped` by it (`shapes_for`)."""
-        law, drawn, stage, a, fresh = tables.law, scratch.drawn, scratch.stage, scratch.a, scratch.fresh
+        law = tables.law
+        drawn = scratch.drawn
+        stage = scratch.stage
+        a = scratch.a
+        fresh = scratch.fresh
+
         if i % steps == 0:  # those of several steps at once where no other draws come between
             state = fill_normals(state, steps * even // 2, fresh)
         source = fresh.ctypes.data + 8 * even * (i % steps)
@@ -266,14 +288,18 @@ def motion(kind: KernelSpec) -> Any:
     It returns whether the step enters the goal straight ahead before its noise matters (then y = 0), the share of it
     until then, how much its path bends [rad], and the covariance of the position per second.
     """
-    n, m, rows, fixed = kind.n, kind.m, kind.rows, kind.n - kind.rows
-    drift, stratonovich, noisy_position, curved_step = (
-        kind.drift,
-        kind.stratonovich,
-        kind.noisy_position,
-        kind.curved_step,
-    )
-    drifting, varying = drift is not no_drift, kind.diffusion_block is not None
+    n = kind.n
+    m = kind.m
+    rows = kind.rows
+    fixed = kind.n - kind.rows
+
+    drift = kind.drift
+    stratonovich = kind.stratonovich
+    noisy_position = kind.noisy_position
+    curved_step = kind.curved_step
+
+    drifting = drift is not no_drift
+    varying = kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance = planar(kind)[0]
 
@@ -291,7 +317,13 @@ def motion(kind: KernelSpec) -> Any:
 
         The mean is by two points about the mean state, apart by the deviation of the state within the step.
         """
-        x, moved, f, B, y, p = scratch.x, scratch.moved, scratch.f, scratch.B, scratch.y, setup.parameters
+        x = scratch.x
+        moved = scratch.moved
+        f = scratch.f
+        B = scratch.B
+        y = scratch.y
+        p = setup.parameters
+
         copy_row(x, moved)
         shaken(scratch, 0.5)
         if not curved_step:
@@ -303,7 +335,8 @@ def motion(kind: KernelSpec) -> Any:
         copy_row(moved, ahead)
         for j in range(rows):
             for k in range(m):
-                mean, spread = SWAY * B[j, k] * scratch.drawn[m + k], B[j, k] * scratch.column[k]
+                mean = SWAY * B[j, k] * scratch.drawn[m + k]
+                spread = B[j, k] * scratch.column[k]
                 moved[fixed + j] -= mean + spread
                 ahead[fixed + j] -= mean - spread
         drift(moved, p, f)
@@ -326,7 +359,11 @@ def motion(kind: KernelSpec) -> Any:
     @part
     def at_middle(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
         """Take drift and noise of the middle of the step; return the covariance per second."""
-        x, moved, f, p = scratch.x, scratch.moved, scratch.f, setup.parameters
+        x = scratch.x
+        moved = scratch.moved
+        f = scratch.f
+        p = setup.parameters
+
         for j in range(n):
             moved[j] = x[j] + 0.5 * f[j] * dt
         shaken(scratch, 0.5)
@@ -340,7 +377,12 @@ def motion(kind: KernelSpec) -> Any:
     @part
     def move(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
         x, moved, f = scratch.x, scratch.moved, scratch.f
-        arrived, ahead, turn, vx, vy = False, 1.0, 0.0, f[0], f[1]
+
+        arrived = False
+        ahead = 1.0
+        turn = 0.0
+        vx, vy = f[0], f[1]
+
         if not noisy_position and setup.bridge:
             arrived, ahead = arrives(setup, scratch, dt)
             if drifting and not arrived:

@@ -96,7 +96,9 @@ class DesirabilityTubes(NamedTuple):
 
 def no_tubes(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
     """Allocate H tubes of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
-    place, slope = np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, KNOWN), np.float32)
+    place = np.zeros((H, C, PLACE), np.float32)
+    slope = np.zeros((H, C, J, KNOWN), np.float32)
+
     return DesirabilityTubes(np.zeros(H, np.int64), place, slope, decay)
 
 
@@ -144,7 +146,11 @@ class LawRows(NamedTuple):
             raise OptionError(
                 "samples of a point among static obstacles follow no law; write a control sequence or a tube"
             )
-        law, at, shapes = tables.law[h], law_columns(n, modes), law_shapes(n, modes)
+
+        law = tables.law[h]
+        at = law_columns(n, modes)
+        shapes = law_shapes(n, modes)
+
         rows = zip(at[:-1], at[1:], shapes, strict=True)
         return cls(*(law[:, start:end].reshape(len(law), *shape) for start, end, shape in rows))
 
@@ -201,7 +207,9 @@ class Kernels(NamedTuple):
 def push_of(c, offset):  # type: ignore[no-untyped-def]
     """1 / (b (exp(c/b) - 1)) to third order [1/m]: the slope of log(1 - exp(-c/b)), psi near a wall of offset b."""
     s = c / (offset + np.float32(1e-9))
-    third, fourth = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
+    third = np.float32(1.0 / 6.0)
+    fourth = np.float32(1.0 / 24.0)
+
     return ONE / (c * (ONE + s * (HALF + s * (third + s * fourth))))
 
 
@@ -209,7 +217,9 @@ def push_of(c, offset):  # type: ignore[no-untyped-def]
 def _passed(place, s, x, y):  # type: ignore[no-untyped-def]
     """Return how far (x, y) [m] has passed cross-section s [m]."""
     k = PLACE * s
-    dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
+    dx = x - load_float32(place, k)
+    dy = y - load_float32(place, k + 1)
+
     return dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
 
 
@@ -217,7 +227,8 @@ def _passed(place, s, x, y):  # type: ignore[no-untyped-def]
 def _nodes(place, s, x, y, J):  # type: ignore[no-untyped-def]
     """Return the number of the node before (x, y) [m] on cross-section s, and the share of the way to the next one."""
     k = PLACE * s
-    dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
+    dx = x - load_float32(place, k)
+    dy = y - load_float32(place, k + 1)
     node = dy * load_float32(place, k + 2) - dx * load_float32(place, k + 3) - load_float32(place, k + 4)
     node = min(max(node * load_float32(place, k + 5), ZERO), np.float32(J - 1))
     j = min(np.int64(node), J - 2)
@@ -228,7 +239,9 @@ def _nodes(place, s, x, y, J):  # type: ignore[no-untyped-def]
 def tube_of(tubes, g):  # type: ignore[no-untyped-def]
     """Return a tube as `tube_at` takes it: addresses of its sections and nodes, last section, and J."""
     _, C, J, _ = tubes.slope.shape
-    place, slope = tubes.place.ctypes.data + 4 * PLACE * g * C, tubes.slope.ctypes.data + 4 * KNOWN * g * C * J
+    place = tubes.place.ctypes.data + 4 * PLACE * g * C
+    slope = tubes.slope.ctypes.data + 4 * KNOWN * g * C * J
+
     return place, slope, tubes.count[g] - 1, J
 
 
@@ -250,19 +263,30 @@ def tube_at(tube, s, decay, goal, x, y, out, at, each):  # type: ignore[no-untyp
         s, more = more, min(more + 1, last)
         ahead = -_passed(place, more, x, y)
     if s == last:
-        dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
+        dx = np.float32(goal[0]) - x
+        dy = np.float32(goal[1]) - y
         per = ONE / math.sqrt(dx * dx + dy * dy + np.float32(1e-9))
-        rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(TUNING.wall_reach / decay)
-        out[at], out[at + each], out[at + 2 * each], out[at + 3 * each] = rate * dx, rate * dy, reach, reach
+        rate = (np.float32(decay) + HALF * per) * per
+        reach = np.float32(TUNING.wall_reach / decay)
+
+        out[at] = rate * dx
+        out[at + each] = rate * dy
+        out[at + 2 * each] = reach
+        out[at + 3 * each] = reach
+
         out[at + 4 * each], out[at + 5 * each] = dx, dy
         return s
     past = _passed(place, s, x, y)
     along = min(max(past / (past + ahead + np.float32(1e-9)), ZERO), ONE)
-    (i, one), (j, other) = _nodes(place, s, x, y, J), _nodes(place, more, x, y, J)
+    i, one = _nodes(place, s, x, y, J)
+    j, other = _nodes(place, more, x, y, J)
     numbers = blended(slope + 4 * KNOWN * i, slope + 4 * KNOWN * j, one, other, along)
     out[at], out[at + each], out[at + 2 * each], out[at + 3 * each] = numbers
+
     k = PLACE * more + 2
-    out[at + 4 * each], out[at + 5 * each] = load_float32(place, k), load_float32(place, k + 1)
+    out[at + 4 * each] = load_float32(place, k)
+    out[at + 5 * each] = load_float32(place, k + 1)
+
     return s
 
 
@@ -273,18 +297,30 @@ def slope_of(f, at, each, walls):  # type: ignore[no-untyped-def]
     These are a row of `DesirabilityTubes.slope`, interpolated, and the direction of travel. walls: `two_walls`, none
     closer than they may push.
     """
-    gx, gy, left, right = f[at], f[at + each], f[at + 2 * each], f[at + 3 * each]
-    tx, ty = f[at + 4 * each], f[at + 5 * each]
+    gx = f[at]
+    gy = f[at + each]
+    left = f[at + 2 * each]
+    right = f[at + 3 * each]
+    tx = f[at + 4 * each]
+    ty = f[at + 5 * each]
+
     c, nx, ny, d, mx, my = walls
-    first, second = nx * ty - ny * tx > ZERO, mx * ty - my * tx > ZERO  # whether a wall is to the left
-    near, far = left if first else right, ZERO if first == second else (left if second else right)
-    one, other = push_of(c, near), push_of(d, far)
+    first = nx * ty - ny * tx > ZERO  # the wall is to the left
+    second = mx * ty - my * tx > ZERO
+    near = left if first else right
+    far = ZERO if first == second else (left if second else right)
+    one = push_of(c, near)
+    other = push_of(d, far)
+
     return gx + one * nx + other * mx, gy + one * ny + other * my
 
 
 @kernel
 def slope_along(tubes, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def]
     """Write grad log psi [1/m] at (x, y) [m] in tube g to out (2,); goal's centre [m] and walls as of `slope_of`."""
-    x, y, numbers, tube = np.float32(x), np.float32(y), np.empty(NUMBERS, np.float32), tube_of(tubes, g)
+    x, y = np.float32(x), np.float32(y)
+    numbers = np.empty(NUMBERS, np.float32)
+    tube = tube_of(tubes, g)
+
     tube_at(tube, 0, tubes.decay, goal, x, y, numbers, 0, 1)
     out[0], out[1] = slope_of(numbers, 0, 1, walls)

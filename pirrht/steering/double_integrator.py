@@ -89,7 +89,9 @@ class Cubics(NamedTuple):
 
     def curve(self, i: int) -> tuple[tuple[float, ...], float, float]:
         """Numbers of motion i, its duration [s], and a speed that it nowhere exceeds [m/s]."""
-        c, T = tuple(self.path[i].tolist()), float(self.duration[i])
+        c = tuple(self.path[i].tolist())
+        T = float(self.duration[i])
+
         return c, T, math.hypot(c[2], c[3]) + T * float(_greatest_force(c, T))
 
     def length(self) -> Array:
@@ -103,7 +105,10 @@ class Cubics(NamedTuple):
 @kernel
 def _entry(motions, i, around):  # type: ignore[no-untyped-def]
     """March to the disc: by strides that certainly stay out of it."""
-    c, duration, s = _numbers(motions, i), motions.duration[i], 0.0
+    c = _numbers(motions, i)
+    duration = motions.duration[i]
+    s = 0.0
+
     most = _greatest_force(c, duration)
     while True:
         x, y = place(c, s)
@@ -118,8 +123,12 @@ def _entry(motions, i, around):  # type: ignore[no-untyped-def]
 @inlined
 def _cut(motions, i, s):  # type: ignore[no-untyped-def]
     """End motion i after s [s]; its cost is the integral of q + (r/2) |c0 + c1 s|^2."""
-    c, q, r = _numbers(motions, i), motions.rates[i, 0], motions.rates[i, 1]
-    still, cross = c[4] * c[4] + c[5] * c[5], c[4] * c[6] + c[5] * c[7]
+    c = _numbers(motions, i)
+    q = motions.rates[i, 0]
+    r = motions.rates[i, 1]
+
+    still = c[4] * c[4] + c[5] * c[5]
+    cross = c[4] * c[6] + c[5] * c[7]
     square = still + s * (cross + s * (c[6] * c[6] + c[7] * c[7]) / 3.0)
     motions.duration[i], motions.cost[i] = s, s * (q + 0.5 * r * square)
 
@@ -127,7 +136,11 @@ def _cut(motions, i, s):  # type: ignore[no-untyped-def]
 @kernel
 def _certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
     """Cover a path by discs of certified clearance."""
-    c, duration, s, verdict = _numbers(motions, i), motions.duration[i], 0.0, FREE
+    c = _numbers(motions, i)
+    duration = motions.duration[i]
+    s = 0.0
+    verdict = FREE
+
     most = _greatest_force(c, duration)
     while True:
         x, y = place(c, s)
@@ -146,7 +159,8 @@ def _certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
 @kernel
 def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
-    c, duration = _numbers(motions, i), motions.duration[i]
+    c = _numbers(motions, i)
+    duration = motions.duration[i]
     most, s = _greatest_force(c, duration), 0.0
     ax, ay = place(c, 0.0)
     while s < duration:
@@ -154,7 +168,8 @@ def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no
         s = min(s + stride(c, s, most, room), duration)
         bx, by = place(c, s)
         if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
-            bx, by = motions.heads[i, 0], motions.heads[i, 1]
+            bx = motions.heads[i, 0]
+            by = motions.heads[i, 1]
         count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
         ax, ay = bx, by
     return count
@@ -162,7 +177,8 @@ def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no
 
 @inlined
 def _between(motions, i, share, out):  # type: ignore[no-untyped-def]
-    c, s = _numbers(motions, i), share * motions.duration[i]
+    c = _numbers(motions, i)
+    s = share * motions.duration[i]
     out[0], out[1] = place(c, s)
     out[2], out[3] = speeds(c, s)
     return True
@@ -178,7 +194,8 @@ def _free(motions: Cubics, i: int, space: FreeSpace) -> bool:
 def _trajectory(steering: Any, path: Cubics) -> Trajectory:
     """Take mean accelerations of short pieces of time."""
     counts = np.maximum(1, np.ceil(path.duration / TUNING.control_piece)).astype(int)
-    rows, durations = np.repeat(path.path, counts, axis=0), np.repeat(path.duration / counts, counts)
+    rows = np.repeat(path.path, counts, axis=0)
+    durations = np.repeat(path.duration / counts, counts)
     middles = (np.concatenate([np.arange(count) for count in counts]) + 0.5) * durations
     return Trajectory(
         controls=rows[:, 4:6] + middles[:, None] * rows[:, 6:8], durations=durations, path=path,
@@ -195,8 +212,14 @@ def optimum(tail, head, q, r):  # type: ignore[no-untyped-def]
     """Duration [s] and cost of the optimum between states (4,), as tuples; infinite from a free velocity."""
     if math.isnan(tail[2]):
         return np.inf, np.inf
-    dx, dy, ux, uy = head[0] - tail[0], head[1] - tail[1], tail[2], tail[3]
-    square, before = dx * dx + dy * dy, ux * ux + uy * uy
+
+    dx = head[0] - tail[0]
+    dy = head[1] - tail[1]
+    ux, uy = tail[2], tail[3]
+
+    square = dx * dx + dy * dy
+    before = ux * ux + uy * uy
+
     if math.isnan(head[2]):
         if square == 0.0:
             return 0.0, 0.0
@@ -221,13 +244,21 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair by one motion; the numbers are q and r."""
     k, (q, r) = tails.shape[0], numbers
-    path, duration, cost, rates = np.empty((k, 8)), np.empty(k), np.empty(k), np.empty((k, 2))
+
+    path = np.empty((k, 8))
+    duration = np.empty(k)
+    cost = np.empty(k)
+    rates = np.empty((k, 2))
+
     for i in range(k):
         duration[i], cost[i] = optimum(as_tuple(tails[i], 4), as_tuple(heads[i], 4), q, r)
         rates[i, 0], rates[i, 1] = q, r
         per = 1.0 / duration[i] if duration[i] > 0.0 else 0.0
         for d in range(2):
-            mean, before, after = (heads[i, d] - tails[i, d]) * per, tails[i, 2 + d], heads[i, 2 + d]
+            mean = (heads[i, d] - tails[i, d]) * per
+            before = tails[i, 2 + d]
+            after = heads[i, 2 + d]
+
             after = 0.5 * (3.0 * mean - before) if math.isnan(after) else after  # the best end of a free velocity
             path[i, d], path[i, 2 + d] = tails[i, d], before
             path[i, 4 + d] = (6.0 * mean - 4.0 * before - 2.0 * after) * per
@@ -275,7 +306,9 @@ class MassSteering(CompiledSteering):
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """A state (4,): uniform in the workspace, in direction and in speed up to `top`."""
         x, y = rng.uniform(scene.lower, scene.upper)
-        angle, speed = rng.uniform(-np.pi, np.pi), self.top * rng.random()
+        angle = rng.uniform(-np.pi, np.pi)
+        speed = self.top * rng.random()
+
         return np.array([x, y, speed * np.cos(angle), speed * np.sin(angle)])
 
     def at_rest(self, x: Array) -> Array:

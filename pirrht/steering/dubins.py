@@ -40,20 +40,25 @@ def _same_turns(s, gap, a, b, across, ahead, limit):  # type: ignore[no-untyped-
     All in turning radii: the gap (2) leads from state to state, a and b are their headings, across = sin b - sin a and
     ahead = cos b - cos a; t, p, q are the pieces. Words certainly longer than `limit` may be left out.
     """
-    vx, vy = gap[0] - s * across, gap[1] + s * ahead
+    vx = gap[0] - s * across
+    vy = gap[1] + s * ahead
     d = math.sqrt(vx * vx + vy * vy)
     if d > limit and (d >= 4.0 or limit < np.pi):
         return np.inf, False, 0.0, 0.0, 0.0
     phi = math.atan2(vy, vx) if d > EPS else a
-    first, last = s * (phi - a), s * (b - phi)
-    t, q = _turn(first), _turn(last)
+    first = s * (phi - a)
+    last = s * (b - phi)
+    t = _turn(first)
+    q = _turn(last)
     length = t + d + q
     if d >= 4.0:
         return length, False, t, d, q
     # The centres of three circles in a row make an isosceles triangle; the middle arc is the long one.
     corner = math.acos(0.25 * d)
     p = np.pi + 2.0 * corner
-    t3, q3 = _turn(first + corner + 0.5 * np.pi), _turn(last + corner + 0.5 * np.pi)
+    t3 = _turn(first + corner + 0.5 * np.pi)
+    q3 = _turn(last + corner + 0.5 * np.pi)
+
     if t3 + p + q3 < length:
         return t3 + p + q3, True, t3, p, q3
     return length, False, t, d, q
@@ -65,30 +70,48 @@ def _opposite_turns(s, gap, a, b, across, ahead, limit):  # type: ignore[no-unty
 
     Arguments as of `_same_turns`, but across = sin b + sin a and ahead = cos b + cos a.
     """
-    vx, vy = gap[0] + s * across, gap[1] - s * ahead
+    vx = gap[0] + s * across
+    vy = gap[1] - s * ahead
     square = vx * vx + vy * vy - 4.0
     if square < -EPS or square > limit * limit:
         return np.inf, 0.0, 0.0, 0.0
     p = math.sqrt(max(0.0, square))
     psi = math.atan2(vy, vx) + s * math.atan2(2.0, p)
-    t, q = _turn(s * (psi - a)), _turn(s * (psi - b))
+    t = _turn(s * (psi - a))
+    q = _turn(s * (psi - b))
+
     return t + p + q, t, p, q
 
 
 @kernel
 def shortest(tail, head, radius, limit):  # type: ignore[no-untyped-def]
     """Find the shortest curve between two states (3,), below `limit` [m]: length, curvatures (3) [1/m], pieces (3)."""
-    gap, a, b = ((head[0] - tail[0]) / radius, (head[1] - tail[1]) / radius), tail[2], head[2]
-    sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
+    gap = ((head[0] - tail[0]) / radius, (head[1] - tail[1]) / radius)
+    a = tail[2]
+    b = head[2]
+
+    sa = math.sin(a)
+    ca = math.cos(a)
+    sb = math.sin(b)
+    cb = math.cos(b)
+
     most = limit / radius
-    best, bends, pieces = most, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+    best = most
+    bends = (0.0, 0.0, 0.0)
+    pieces = (0.0, 0.0, 0.0)
+
     for s in (1.0, -1.0):
         total, arcs, t, p, q = _same_turns(s, gap, a, b, sb - sa, cb - ca, best)
         if total < best:
-            best, bends, pieces = total, (s, -s if arcs else 0.0, s), (t, p, q)
+            best = total
+            bends = (s, -s if arcs else 0.0, s)
+            pieces = (t, p, q)
         total, t, p, q = _opposite_turns(s, gap, a, b, sb + sa, cb + ca, best)
         if total < best:
-            best, bends, pieces = total, (s, 0.0, -s), (t, p, q)
+            best = total
+            bends = (s, 0.0, -s)
+            pieces = (t, p, q)
     return best * radius if best < most else np.inf, bends, pieces
 
 
@@ -96,8 +119,12 @@ def shortest(tail, head, radius, limit):  # type: ignore[no-untyped-def]
 def sideways(x, move, step, numbers, out):  # type: ignore[no-untyped-def]
     """Write a pose (3,) after a step to the side [turning radii], in heading [rad], or both, to out (3,)."""
     move += move >= 4
-    side, turn = (move // 3 - 1) * step * numbers[0], (move % 3 - 1) * step
-    out[0], out[1], out[2] = x[0] - side * math.sin(x[2]), x[1] + side * math.cos(x[2]), x[2] + turn
+    side = (move // 3 - 1) * step * numbers[0]
+    turn = (move % 3 - 1) * step
+
+    out[0] = x[0] - side * math.sin(x[2])
+    out[1] = x[1] + side * math.cos(x[2])
+    out[2] = x[2] + turn
 
 
 @inlined
@@ -111,13 +138,20 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair by three pieces; the numbers are the turning radius and the cost per meter."""
-    k, radius = tails.shape[0], numbers[0]
-    start, curvature, length, cost = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty(k)
+    k = tails.shape[0]
+    radius = numbers[0]
+
+    start = np.empty((k, 3))
+    curvature = np.empty((k, 3))
+    length = np.empty((k, 3))
+    cost = np.empty(k)
+
     for i in range(k):
         copy_row(tails[i], start[i])
         _, bends, pieces = shortest(tails[i], heads[i], radius, np.inf)
         for p in range(3):
-            curvature[i, p], length[i, p] = bends[p] / radius, pieces[p] * radius
+            curvature[i, p] = bends[p] / radius
+            length[i, p] = pieces[p] * radius
         cost[i] = numbers[1] * (length[i, 0] + length[i, 1] + length[i, 2])
     return Curves(start, curvature, length, cost, tails, heads)
 

@@ -66,7 +66,8 @@ class EdgeChecker:
         A motion that enters the goal is an edge only if its head is a root (`into_goal`, (k,)); it ends, and is paid
         for, where it first enters the disc. From there its class counts along the straight line to the goal.
         """
-        cut, near = copied(motions), np.arange(len(into_goal)) if near is None else near
+        cut = copied(motions)
+        near = np.arange(len(into_goal)) if near is None else near
         edges, unsure = judge_with(self.motion.kernels)(self.around, cut, into_goal, near)
         for i in np.flatnonzero(edges.status == UNSURE).tolist() if unsure else ():
             if self.motion.free(cut, i, self.space):
@@ -91,10 +92,16 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
         """Judge k motions without FCL, count unsure ones, cut them at the goal; `into_goal` and `near` are (k,)."""
-        k, M = into_goal.shape[0], around.weights.shape[0]
-        status, first, unsure = np.empty(k, np.int8), np.empty(k + 1, np.int64), 0
+        k = into_goal.shape[0]
+        M = around.weights.shape[0]
+
+        status = np.empty(k, np.int8)
+        first = np.empty(k + 1, np.int64)
+        unsure = 0
+
         room = most(motions) * M  # pairs that one motion can have
-        marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
+        marker = np.empty(2 * room + 256, np.int32)
+        turn = np.empty(2 * room + 256, np.int16)
         total, used = np.zeros(M, np.int16), 0
         for i in range(k):
             first[i], status[i] = used, BLOCKED

@@ -88,7 +88,9 @@ def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no
 def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
     """Sweep a capsule among static obstacles where that is not certain; moving ones have their own test."""
     ax, ay, s, bx, by, t = motions.path[i].tolist()
-    a, b = np.array([ax, ay]), np.array([bx, by])
+    a = np.array([ax, ay])
+    b = np.array([bx, by])
+
     if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
         return False
     return not space.moving.meets(a, s, b, t)
@@ -97,7 +99,9 @@ def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
 def _trajectory(steering: Any, path: Legs) -> Trajectory:
     """Make one control for each leg; waiting is no control for a while."""
     step = path.path[:, 3:] - path.path[:, :3]
-    length, step = float(np.hypot(*step[:, :2].T).sum()), step[step[:, 2] > 0.0]
+    length = float(np.hypot(*step[:, :2].T).sum())
+    step = step[step[:, 2] > 0.0]
+
     return Trajectory(
         controls=step[:, :2] / step[:, 2:], durations=step[:, 2], path=path, cost=float(path.cost.sum()), length=length
     )
@@ -122,7 +126,8 @@ def legs_among(moving: MovingKernels | None) -> Motion:
 def _cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
     """Cost and duration of a leg; the time of its end may be open."""
     q, r, speed, pace = numbers
-    dx, dy = head[0] - tail[0], head[1] - tail[1]
+    dx = head[0] - tail[0]
+    dy = head[1] - tail[1]
     square = dx * dx + dy * dy
     dt = math.sqrt(square) / pace if math.isnan(head[2]) else head[2] - tail[2]
     if math.isnan(tail[2]) or not dt >= 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
@@ -136,11 +141,14 @@ def _cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair by one leg; the numbers are q, r, the limit of speeds and the best speed."""
     k = tails.shape[0]
-    path, cost = np.empty((k, 6)), np.empty(k)
+    path = np.empty((k, 6))
+    cost = np.empty(k)
+
     for i in range(k):
         cost[i], dt = _cost_and_duration(as_tuple(tails[i], 3), as_tuple(heads[i], 3), numbers)
         for c in range(3):
-            path[i, c], path[i, 3 + c] = tails[i, c], heads[i, c]
+            path[i, c] = tails[i, c]
+            path[i, 3 + c] = heads[i, c]
         if math.isnan(heads[i, 2]):
             path[i, 5] = tails[i, 2] + dt
     return Legs(path, cost, tails, heads)
@@ -241,9 +249,14 @@ class InTime(CompiledSteering):
         A path over most of them costs at most a random multiple of the unhindered path (an informed set); the others
         are uniform in the workspace and the horizon. A `goal_share` of all is moved into the goal's disc.
         """
-        scene, horizon, begun = space.scene, self.horizon(space.scene), _origin(space.scene, origin)
+        scene = space.scene
+        horizon = self.horizon(space.scene)
+        begun = _origin(space.scene, origin)
+
         chances = rng.random((count, 9 + 3 * TUNING.tries))  # a row for each: equal in parts and at once
-        tried, span = chances[:, 9:].reshape(count, TUNING.tries, 3), scene.upper - scene.lower
+        tried = chances[:, 9:].reshape(count, TUNING.tries, 3)
+        span = scene.upper - scene.lower
+
         tried[..., :2] = scene.lower + span * tried[..., :2]
         excess = TUNING.excess * chances[:, 2] / np.maximum(1.0 - chances[:, 2], 1e-3)
         most = ((1.0 + excess) * self.cost_per_meter * math.dist(scene.goal.center, begun[:2]))[:, None]
@@ -254,7 +267,9 @@ class InTime(CompiledSteering):
         out = np.column_stack([scene.lower + span * chances[:, 3:5], begun[2] + horizon * chances[:, 5]])
         informed = (chances[:, 0] >= TUNING.uniform_share) & serves.any(axis=1)
         out[informed] = tried[informed, serves[informed].argmax(axis=1)]
-        inside, angle = chances[:, 6] < goal_share, 2.0 * np.pi * chances[:, 7:8]
+
+        inside = chances[:, 6] < goal_share
+        angle = 2.0 * np.pi * chances[:, 7:8]
         disc = scene.goal.radius * np.sqrt(chances[:, 8:9]) * np.hstack([np.cos(angle), np.sin(angle)])
         out[inside, :2] = scene.goal.center + disc[inside]
         return out

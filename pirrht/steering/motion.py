@@ -195,7 +195,10 @@ def _length(curves, i):  # type: ignore[no-untyped-def]
 
 @part
 def _entry(curves, i, around):  # type: ignore[no-untyped-def]
-    start, x, y, radius = curves.start[i], around.goal_x, around.goal_y, around.goal_radius
+    start = curves.start[i]
+    x, y = around.goal_x, around.goal_y
+    radius = around.goal_radius
+
     if math.hypot(start[0] - x, start[1] - y) > 1.001 * (radius + _length(curves, i)):
         return np.inf
     return entry_of_curve(start, curves.curvature[i], curves.length[i], x, y, radius)
@@ -215,15 +218,23 @@ def _certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
 
 @part
 def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    curve, head = (curves.start[i], curves.curvature[i], curves.length[i]), (curves.heads[i, 0], curves.heads[i, 1])
+    curve = (curves.start[i], curves.curvature[i], curves.length[i])
+    head = (curves.heads[i, 0], curves.heads[i, 1])
+
     return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
 
 
 @kernel
 def _between(curves, i, share, out):  # type: ignore[no-untyped-def]
     """Write a position, or a pose of a system of three states whose third is the heading."""
-    n, length, left = out.shape[0], curves.length[i], share * _length(curves, i)
-    x, y, theta = curves.start[i, 0], curves.start[i, 1], curves.start[i, 2]
+    n = out.shape[0]
+    length = curves.length[i]
+    left = share * _length(curves, i)
+
+    x = curves.start[i, 0]
+    y = curves.start[i, 1]
+    theta = curves.start[i, 2]
+
     if n > 3 or (n == 3 and abs(math.sin(0.5 * (curves.tails[i, 2] - theta))) > 1e-6):  # the third is no heading
         return False
     for p in range(length.shape[0]):
@@ -237,7 +248,10 @@ def _between(curves, i, share, out):  # type: ignore[no-untyped-def]
 
 def _free(curves: Curves, i: int, space: FreeSpace) -> bool:
     """Ask FCL: one swept capsule where a curve is straight, bisection where it turns."""
-    collision, length, pose = space.collision, curves.length[i], tuple(curves.start[i].tolist())
+    collision = space.collision
+    length = curves.length[i]
+    pose = tuple(curves.start[i].tolist())
+
     for kappa, total in zip(curves.curvature[i].tolist(), length.tolist(), strict=True):
         if total <= 0 and not np.all(length <= 0):
             continue
@@ -256,7 +270,8 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
     """Make piecewise constant controls along a path whose rows are consecutive curves."""
     turned = path.curvature * path.length
     heading = path.start[:, 2:] + np.cumsum(turned, axis=1) - turned
-    length, keep = path.length.ravel(), path.length.ravel() > 0
+    length = path.length.ravel()
+    keep = path.length.ravel() > 0
     total = float(length.sum())
     return Trajectory(
         controls=steering.controls(heading.ravel()[keep], path.curvature.ravel()[keep]),

@@ -104,7 +104,8 @@ class Steering(ABC):
         for x in drawn:
             x[:] = self.sample(space.scene, rng)
             if rng.random() < goal_share:
-                angle, radius = rng.uniform(-np.pi, np.pi), goal.radius * np.sqrt(rng.random())
+                angle = rng.uniform(-np.pi, np.pi)
+                radius = goal.radius * np.sqrt(rng.random())
                 x[:2] = goal.center + radius * np.array([np.cos(angle), np.sin(angle)])
         return drawn
 
@@ -165,16 +166,21 @@ def nearest_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
     @borrowing
     def nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
         """Write indices of the states of least cost and these costs, cheapest first; of equal ones the earlier."""
-        count, found, here = chosen.shape[0], 0, as_tuple(x, n)
+        count = chosen.shape[0]
+        found = 0
+        here = as_tuple(x, n)
+
         for i in range(states.shape[0]):
-            limit, there = least[count - 1] if found == count else np.inf, as_tuple(states[i], n)
+            limit = least[count - 1] if found == count else np.inf
+            there = as_tuple(states[i], n)
             d = cost(here, there, numbers, limit) if forward else cost(there, here, numbers, limit)
             if found == count and not d < least[count - 1]:
                 continue
             found = min(found + 1, count)
             at = found - 1
             while at > 0 and least[at - 1] > d:
-                least[at], chosen[at] = least[at - 1], chosen[at - 1]
+                least[at] = least[at - 1]
+                chosen[at] = chosen[at - 1]
                 at -= 1
             least[at], chosen[at] = d, i
 

@@ -24,7 +24,9 @@ from pirrht.steering.tuning import TUNING
 
 @inlined
 def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
-    dx, dy = head[0] - tail[0], head[1] - tail[1]
+    dx = head[0] - tail[0]
+    dy = head[1] - tail[1]
+
     return math.sqrt(dx * dx + dy * dy) * numbers[0]
 
 
@@ -32,10 +34,20 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair by one straight piece; the number is the cost per meter."""
     k = tails.shape[0]
-    start, curvature, length, cost = np.empty((k, 3)), np.zeros((k, 1)), np.empty((k, 1)), np.empty(k)
+
+    start = np.empty((k, 3))
+    curvature = np.zeros((k, 1))
+    length = np.empty((k, 1))
+    cost = np.empty(k)
+
     for i in range(k):
-        dx, dy = heads[i, 0] - tails[i, 0], heads[i, 1] - tails[i, 1]
-        start[i, 0], start[i, 1], start[i, 2] = tails[i, 0], tails[i, 1], math.atan2(dy, dx)
+        dx = heads[i, 0] - tails[i, 0]
+        dy = heads[i, 1] - tails[i, 1]
+
+        start[i, 0] = tails[i, 0]
+        start[i, 1] = tails[i, 1]
+        start[i, 2] = math.atan2(dy, dx)
+
         length[i, 0] = math.hypot(dx, dy)
         cost[i] = length[i, 0] * numbers[0]
     return Curves(start, curvature, length, cost, tails, heads)

@@ -26,7 +26,8 @@ def _root(low, high, a, b, c):  # type: ignore[no-untyped-def]
     """The root between `low`, where the quartic is negative, and `high`: Newton's steps, halves where they leave."""
     T = high
     for _ in range(100):  # a few do
-        value, slope = _quartic(T, a, b, c), (4.0 * T * T - 2.0 * c) * T - b
+        value = _quartic(T, a, b, c)
+        slope = (4.0 * T * T - 2.0 * c) * T - b
         low, high = (low, T) if value > 0.0 else (T, high)
         step = value / slope if slope > 0.0 else np.inf
         if min(abs(step), high - low) <= PRECISE * T:
@@ -38,13 +39,17 @@ def _root(low, high, a, b, c):  # type: ignore[no-untyped-def]
 @kernel
 def best_duration(q, A, B, C):  # type: ignore[no-untyped-def]
     """The duration T > 0 [s] of least J(T) = q T + A / T^3 + B / T^2 + C / T, and that J [cost]; A, C >= 0."""
-    a, b, c = 3.0 * A / q, 2.0 * B / q, C / q
+    a = 3.0 * A / q
+    b = 2.0 * B / q
+    c = C / q
+
     b = -b if b == 0.0 else b
     bend = math.sqrt(c / 6.0)  # from here on the quartic is convex
     # Extrema of the quartic: 4 T^3 - 2 c T - b = 0, three if the discriminant is positive, the first of them negative.
     if c * c * c > 3.375 * b * b:
         angle = math.acos(max(-1.0, min(1.0, 0.75 * b / (c * bend)))) / 3.0
-        middle, last = 2.0 * bend * math.cos(angle - 2.0 * math.pi / 3.0), 2.0 * bend * math.cos(angle)
+        middle = 2.0 * bend * math.cos(angle - 2.0 * math.pi / 3.0)
+        last = 2.0 * bend * math.cos(angle)
     else:
         half = 0.125 * b
         root = math.sqrt(max(half * half - c * c * c / 216.0, 0.0))
@@ -68,7 +73,10 @@ def best_duration(q, A, B, C):  # type: ignore[no-untyped-def]
 @jitable
 def coasting(x, p, out):  # type: ignore[no-untyped-def]
     """f = [vx, vy, 0, 0] at x (4,), written to out (4,) [m/s, m/s, m/s^2, m/s^2]."""
-    out[0], out[1], out[2], out[3] = x[2], x[3], 0.0, 0.0
+    out[0] = x[2]
+    out[1] = x[3]
+    out[2] = 0.0
+    out[3] = 0.0
 
 
 @jitable
@@ -78,20 +86,28 @@ def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
     With D = p1 - p0 it is 3 (D - v T) / T^2 over the noise b. p1 is where coasting enters the disc; if it misses that,
     a point as far off the middle as a share of the radius.
     """
-    dx, dy, b = aim[0] - x[0], aim[1] - x[1], B[0, 0]
+    dx, dy = aim[0] - x[0], aim[1] - x[1]
+    b = B[0, 0]
+
     speed = x[2] * x[2] + x[3] * x[3]
     way = math.sqrt(speed) + 1e-9
     ahead = (dx * x[2] + dy * x[3]) / way
-    off_x, off_y = dx - ahead * x[2] / way, dy - ahead * x[3] / way
+    off_x = dx - ahead * x[2] / way
+    off_y = dy - ahead * x[3] / way
+
     off = math.sqrt(off_x * off_x + off_y * off_y) + 1e-9
     beside = min(off, HOMING.aim * radius)
     depth = math.sqrt(radius * radius - beside * beside)
     depth = depth if ahead > depth else 0.0
-    dx, dy = dx - beside * off_x / off - depth * x[2] / way, dy - beside * off_y / off - depth * x[3] / way
+
+    dx = dx - beside * off_x / off - depth * x[2] / way
+    dy = dy - beside * off_y / off - depth * x[3] / way
     r = 1.0 / (b * b * rate)  # of the control, for q = 1
     T, _ = best_duration(1.0, 1.5 * r * (dx * dx + dy * dy), -3.0 * r * (dx * x[2] + dy * x[3]), 1.5 * r * speed)
     scale = 3.0 / max(T * T * b, 1e-9)
-    out[0], out[1] = scale * (dx - x[2] * T), scale * (dy - x[3] * T)
+
+    out[0] = scale * (dx - x[2] * T)
+    out[1] = scale * (dy - x[3] * T)
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,7 +157,9 @@ class Dynamics:
     def state_of(self, pose: Array) -> Array:
         """Return the state (n,) at x, y [m] and heading [rad] (3,); its other components are zero."""
         x = np.zeros(self.n)
-        x[:2], x[list(self.angles)] = pose[:2], pose[2]
+        x[:2] = pose[:2]
+        x[list(self.angles)] = pose[2]
+
         return x
 
     def box(self, scene: Scene) -> tuple[Array, Array]:

@@ -15,7 +15,10 @@ CRUISE = 1.0  # speed at which a meter costs least [m/s]
 @jitable
 def rolling(x, p, out):  # type: ignore[no-untyped-def]
     """f = [v cos theta, v sin theta, 0, 0] at x (4,), written to out (4,) [m/s, m/s, rad/s, m/s^2]."""
-    out[0], out[1], out[2], out[3] = x[3] * math.cos(x[2]), x[3] * math.sin(x[2]), 0.0, 0.0
+    out[0] = x[3] * math.cos(x[2])
+    out[1] = x[3] * math.sin(x[2])
+    out[2] = 0.0
+    out[3] = 0.0
 
 
 @jitable

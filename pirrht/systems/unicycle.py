@@ -14,7 +14,9 @@ from pirrht.systems.dynamics import HOMING, Dynamics, beyond_disc, check_positiv
 @jitable
 def unicycle_drift(x, p, out):  # type: ignore[no-untyped-def]
     """f = [V cos theta, V sin theta, 0] at x (3,), written to out (3,) [m/s, m/s, rad/s], with p = [V], (1,)."""
-    out[0], out[1], out[2] = p[0] * np.cos(x[2]), p[0] * np.sin(x[2]), 0.0
+    out[0] = p[0] * np.cos(x[2])
+    out[1] = p[0] * np.sin(x[2])
+    out[2] = 0.0
 
 
 @jitable

@@ -75,11 +75,20 @@ def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     B = cuts.buckets
     if B == 1:
         return 0, cuts.M
-    ux, uy, vx, vy = ax - cuts.goal_x, ay - cuts.goal_y, cx - cuts.goal_x, cy - cuts.goal_y
-    cross, dot = ux * vy - uy * vx, ux * vx + uy * vy
+
+    ux = ax - cuts.goal_x
+    uy = ay - cuts.goal_y
+    vx = cx - cuts.goal_x
+    vy = cy - cuts.goal_y
+
+    cross = ux * vy - uy * vx
+    dot = ux * vx + uy * vy
+
     if dot <= 0.0 and abs(cross) <= -GOAL_MARGIN * dot:
         return 0, cuts.M
-    low, high = direction(ux, uy), direction(vx, vy)
+    low = direction(ux, uy)
+    high = direction(vx, vy)
+
     if cross < 0.0:
         low, high = high, low
     if high < low - SECTOR_MARGIN:
@@ -87,7 +96,8 @@ def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     first = math.floor((low - SECTOR_MARGIN) * 0.25 * B)
     last = math.floor((high + SECTOR_MARGIN) * 0.25 * B)
     if first < 0:
-        first, last = first + B, last + B
+        first = first + B
+        last = last + B
     last = min(last, first + B - 1)
     return load_int32(cuts.start, first), load_int32(cuts.start, last + 1)
 
@@ -99,7 +109,8 @@ def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     (gx, gy) is the goal point [m]. Points on the cut count as on its right (`straight_turns`); left turns are positive.
     """
     bx, by = gx - mx, gy - my
-    ax, ay, cx, cy = ax - mx, ay - my, cx - mx, cy - my
+    ax, ay = ax - mx, ay - my
+    cx, cy = cx - mx, cy - my
     other = cx * by - cy * bx > 0.0
     if (ax * by - ay * bx > 0.0) == other:
         return 0
@@ -112,7 +123,8 @@ def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 @inlined
 def straight_turns(px, py, mx, my, gx, gy):  # type: ignore[no-untyped-def]
     """Angle [turns] of the straight line from p to the goal point g as seen from a marker (mx, my) [m]."""
-    ax, ay, bx, by = px - mx, py - my, gx - mx, gy - my
+    ax, ay = px - mx, py - my
+    bx, by = gx - mx, gy - my
     # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does at crossings.
     on_cut = ax * by - ay * bx == 0.0 and ax * bx + ay * by < 0.0
     return -0.5 if on_cut else turns_of_chord(ax, ay, bx, by)
@@ -124,7 +136,8 @@ def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     key = np.int64(0)
     begin, end = sector(cuts, ax, ay, cx, cy)
     for i in range(begin, end):
-        mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
+        mx = load_float64(cuts.x, i)
+        my = load_float64(cuts.y, i)
         turn = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, ax, ay, cx, cy)
         if turn != 0:
             key += turn * load_int64(cuts.weight, i)
@@ -140,7 +153,8 @@ def crossed(cuts, ax, ay, bx, by, marker, turn, count):  # type: ignore[no-untyp
     """Append the pairs of a segment from (ax, ay) to (bx, by) [m] to marker, turn (l,) [turns]; number of pairs."""
     begin, end = sector(cuts, ax, ay, bx, by)
     for k in range(begin, end):
-        mx, my = load_float64(cuts.x, k), load_float64(cuts.y, k)
+        mx = load_float64(cuts.x, k)
+        my = load_float64(cuts.y, k)
         whole = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, ax, ay, bx, by)
         if whole != 0:
             marker[count], turn[count] = load_int32(cuts.marker, k), whole
@@ -182,13 +196,16 @@ def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[n
         square = 1.0 / curvature**2
     begin, end = sector(cuts, x, y, ex, ey)
     for i in range(begin, end):
-        mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
+        mx = load_float64(cuts.x, i)
+        my = load_float64(cuts.y, i)
         whole = turn_at_cut(mx, my, gx, gy, x, y, ex, ey)
         if whole != 0 and not (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square:
             marker[count], turn[count] = load_int32(cuts.marker, i), whole
             count += 1
     for i in range(cuts.M if bends else 0):
-        mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
+        mx = load_float64(cuts.x, i)
+        my = load_float64(cuts.y, i)
+
         if (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square:
             rest = straight_turns(ex, ey, mx, my, gx, gy) - straight_turns(x, y, mx, my, gx, gy)
             whole = math.floor(turns_of_piece(x, y, theta, curvature, length, mx, my) + rest + 0.5)
@@ -210,7 +227,9 @@ def pairs_of_curve(cuts, curve, to_goal, head, marker, turn, count):  # type: ig
     last = length.shape[0] - 1
     while last > 0 and length[last] <= 0.0:
         last -= 1
-    x, y, theta = start[0], start[1], start[2]
+    x, y = start[0], start[1]
+    theta = start[2]
+
     for p in range(last + 1):
         if length[p] > 0.0:
             ex, ey, end = along(x, y, theta, curvature[p], length[p])

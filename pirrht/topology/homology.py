@@ -82,7 +82,8 @@ class Homology(Signature):
     def along(self, path: Array) -> IntArray:
         """Sum of the crossings of a path's segments, path (k, n), (M,) [turns]."""
         pairs = max(1, len(path) - 1) * self.M
-        marker, turn = np.empty(pairs, np.int32), np.empty(pairs, np.int16)
+        marker = np.empty(pairs, np.int32)
+        turn = np.empty(pairs, np.int16)
         count = _crossings(MarkerTable(self.cuts, self.tracks, self.speed), self._timed(path), marker, turn)
         return spread(marker[:count], turn[:count], self.M)
 
@@ -109,7 +110,8 @@ class Homology(Signature):
 
     def closed(self, turns: Array, first: Array, last: Array) -> Array:
         """H of a path from `first` to `last` (n,), completed to the goal point, over the base's, (M,) [turns]."""
-        S, whole = len(self.markers), turns.copy()
+        S = len(self.markers)
+        whole = turns.copy()
         whole[:S] += self.base(last)[:S] - self.base(first)[:S]
         if self.J:
             arrival = self.arrival(first)
@@ -127,7 +129,9 @@ class Homology(Signature):
         """Moving markers' rays for paths from x (n,) over steps that end at times (T + 1,) [s]."""
         if not self.J:
             return NO_RAYS
-        weight, arrival = self.hash_weights[len(self.markers) :], self.arrival(self.at(x, float(times[0])))
+        weight = self.hash_weights[len(self.markers) :]
+        arrival = self.arrival(self.at(x, float(times[0])))
+
         return RayTable.of(self.tracks, weight, self.goal, x, times, arrival)
 
     def _timed(self, path: Array) -> Array:
@@ -139,7 +143,9 @@ class Homology(Signature):
 @kernel
 def write_base(markers, tracks, goal, speed, x, out):  # type: ignore[no-untyped-def]
     """Write H of the base from x, 2 or 3 [m, m, s], to `out` (M,) [turns]: about `markers` (S, 2) [m], then tracks."""
-    gx, gy, static = goal[0], goal[1], markers.shape[0]
+    gx, gy = goal[0], goal[1]
+    static = markers.shape[0]
+
     for k in range(static):
         out[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], gx, gy)
     for j in range(tracks.J):
@@ -153,7 +159,9 @@ def write_base(markers, tracks, goal, speed, x, out):  # type: ignore[no-untyped
 def _turns(path, markers, tracks, out):  # type: ignore[no-untyped-def]
     static = markers.shape[0]
     for i in range(path.shape[0] - 1):
-        a, b = as_tuple(path[i], 3), as_tuple(path[i + 1], 3)
+        a = as_tuple(path[i], 3)
+        b = as_tuple(path[i + 1], 3)
+
         for k in range(static):
             x, y = markers[k, 0], markers[k, 1]
             out[k] += turns_of_chord(a[0] - x, a[1] - y, b[0] - x, b[1] - y)
@@ -165,7 +173,8 @@ def _turns(path, markers, tracks, out):  # type: ignore[no-untyped-def]
 def _crossings(markers, path, marker, turn):  # type: ignore[no-untyped-def]
     count = 0
     for i in range(path.shape[0] - 1):
-        a, b = as_tuple(path[i], 3), as_tuple(path[i + 1], 3)
+        a = as_tuple(path[i], 3)
+        b = as_tuple(path[i + 1], 3)
         count = crossings_of_leg(markers, a, b, False, marker, turn, count)
     return count
 
@@ -202,9 +211,14 @@ class Driven:
         old, (known, last), (now, here) = self._homology, self._known, self._now
         M = min(old.M, homology.M)
         stay = np.flatnonzero(np.all(old.markers[:M] == homology.markers[:M], axis=1))
-        since, whole = np.zeros(homology.M, dtype=np.int64), homology.along(np.array([last, here]))
-        since[stay], whole[stay] = known[stay], now[stay]
-        self._homology, self._known, self._now = homology, (since, last), (whole, here)
+        since = np.zeros(homology.M, dtype=np.int64)
+        whole = homology.along(np.array([last, here]))
+        since[stay] = known[stay]
+        whole[stay] = now[stay]
+
+        self._homology = homology
+        self._known = (since, last)
+        self._now = (whole, here)
 
     def winding(self) -> tuple[int, ...]:
         """Class of the driven path, M whole [turns], completed by the base from its end."""

@@ -74,7 +74,8 @@ def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyp
     late = t if to_goal else t + math.hypot(gx - bx, gy - by) / speed
     if outside(tracks, j, (ax, ay), (bx, by), goal, s, max(s + math.hypot(gx - ax, gy - ay) / speed, late)):
         return 0
-    first, last = seen_from(tracks, j, ax, ay, s), seen_from(tracks, j, bx, by, t)
+    first = seen_from(tracks, j, ax, ay, s)
+    last = seen_from(tracks, j, bx, by, t)
     base = crossings_of_base(tracks, j, goal, speed, a, first)
     if to_goal:
         lx, ly = seen_from(tracks, j, gx, gy, t)
@@ -100,10 +101,19 @@ def crossings_of_base(tracks, j, goal, speed, start, first):  # type: ignore[no-
 @kernel
 def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
     """Return whether moving marker j is surely outside of the triangle a, b, goal, (2,) each [m], from s to t [s]."""
-    first, second, third = _far_side(a, b, goal), _far_side(b, goal, a), _far_side(goal, a, b)
+    first = _far_side(a, b, goal)
+    second = _far_side(b, goal, a)
+    third = _far_side(goal, a, b)
+
     begin, _, period = rows_of(tracks, j)
-    box, last = load_int64(tracks.first_box, j), load_int64(tracks.first_box, j + 1)
-    now, one, two, three = s, True, True, True
+    box = load_int64(tracks.first_box, j)
+    last = load_int64(tracks.first_box, j + 1)
+
+    now = s
+    one = True
+    two = True
+    three = True
+
     while one or two or three:
         own, left = now - load_float64(tracks.time, begin), math.inf
         if period > 0.0:
@@ -113,7 +123,11 @@ def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
         if period > 0.0 or i < last - box - 1:
             left = min(left, (i + 1) * BOX_SPAN - own)
         at = tracks.boxes + 8 * BOX * (box + i)
-        one, two, three = one and _beyond(first, at), two and _beyond(second, at), three and _beyond(third, at)
+
+        one = one and _beyond(first, at)
+        two = two and _beyond(second, at)
+        three = three and _beyond(third, at)
+
         now += max(left, GEOMETRY.moment)
         if now > t:
             return one or two or three
@@ -134,7 +148,9 @@ def _far_side(u, v, w):  # type: ignore[no-untyped-def]
 def _beyond(line, box):  # type: ignore[no-untyped-def]
     """Return whether all of a box, at its address, has a number of `_far_side` that is positive beyond rounding."""
     a, b, c = line
-    x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
+    x = load_float64(box, 0 if a > 0.0 else 2)
+    y = load_float64(box, 1 if b > 0.0 else 3)
+
     return a * x + b * y - c > OUTSIDE_MARGIN
 
 
@@ -198,7 +214,11 @@ def goal_from(marks, j, i, share):  # type: ignore[no-untyped-def]
 @part
 def open_sides(marks, goal, x, y, side, spot):  # type: ignore[no-untyped-def]
     """Write the first sides of (x, y) [m] of rays to `side` (J,), the place to `spot` (SPOT,); goal point (2) [m]."""
-    spot[0], spot[1], spot[2], spot[3] = 0.0, 0.0, x - goal[0], y - goal[1]
+    spot[0] = 0.0
+    spot[1] = 0.0
+    spot[2] = x - goal[0]
+    spot[3] = y - goal[1]
+
     for j in range(side.shape[0]):
         side[j], _ = side_of_ray(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
 
@@ -209,7 +229,9 @@ def key_among(marks, goal, i, share, x, y, side, spot):  # type: ignore[no-untyp
 
     `side` and `spot` are as the last call has left them. A path hardly ever changes sides: only that is vectorized.
     """
-    rx, ry, passed = x - goal[0], y - goal[1], 0
+    rx, ry = x - goal[0], y - goal[1]
+    passed = 0
+
     for j in range(side.shape[0]):
         gx, gy = goal_from(marks, j, i, share)
         c = gx * ry - gy * rx
@@ -218,14 +240,21 @@ def key_among(marks, goal, i, share, x, y, side, spot):  # type: ignore[no-untyp
     key = np.int64(0)
     if passed > 0:
         key = _turns(marks, i, share, rx, ry, side.shape[0], spot)
-    spot[0], spot[1], spot[2], spot[3] = i, share, rx, ry
+
+    spot[0] = i
+    spot[1] = share
+    spot[2] = rx
+    spot[3] = ry
+
     return key
 
 
 @kernel
 def _turns(marks, i, share, rx, ry, count, spot):  # type: ignore[no-untyped-def]
     """Additive key of the turns from the last place to this one, for all markers."""
-    key, before = np.int64(0), int(spot[0])
+    key = np.int64(0)
+    before = int(spot[0])
+
     for j in range(count):
         gx, gy = goal_from(marks, j, before, spot[1])
         c, along = side_of_ray(gx, gy, spot[2], spot[3])
@@ -238,7 +267,8 @@ def _turns(marks, i, share, rx, ry, count, spot):  # type: ignore[no-untyped-def
 @kernel
 def key_of_path(marks, goal, states, length):  # type: ignore[no-untyped-def]
     """Additive key of the turns of the first `length` steps of states (T + 1, n), less those of the base."""
-    side, spot = np.empty(marks.weight.shape[0]), np.empty(SPOT)
+    side = np.empty(marks.weight.shape[0])
+    spot = np.empty(SPOT)
     open_sides(marks, goal, states[0, 0], states[0, 1], side, spot)
     key = np.int64(marks.opening)
     for i in range(length):

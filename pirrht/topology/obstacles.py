@@ -110,7 +110,8 @@ class _Planar:
         self.collision, self.world, self.radius = collision, collision.world, collision.footprint.radius
         self.obstacles = self.world.obstacles
         low, high = collision.extents()
-        self.low, self.high = low - self.radius, high + self.radius
+        self.low = low - self.radius
+        self.high = high + self.radius
         # the distance from an ellipsoid is uncertain by micrometres, so its slope takes a longer lever
         rough = np.array([o.kind is Kind.ELLIPSOID for o in self.obstacles], dtype=bool)
         self.offset = np.where(rough, 0.04, 1e-4) * self.radius

@@ -177,7 +177,11 @@ def _summed(measure: Any) -> Any:
 
     @kernel
     def summed(tracks, j, a, b, first, last):  # type: ignore[no-untyped-def]
-        (ax, ay, s), (bx, by, t), (fx, fy), (lx, ly) = a, b, first, last
+        ax, ay, s = a
+        bx, by, t = b
+        fx, fy = first
+        lx, ly = last
+
         begin, end, period = rows_of(tracks, j)
         shift = _shift_of(tracks, begin, period, s)
         k, total = _next_place(tracks, begin, end, s - shift), 0
@@ -191,13 +195,17 @@ def _summed(measure: Any) -> Any:
             if knot >= t:
                 return total + measure(fx, fy, lx, ly)
             share = (knot - s) * rate
-            x, y = ax + share * (bx - ax), ay + share * (by - ay)
-            px, py = x - load_float64(tracks.x, k), y - load_float64(tracks.y, k)
+            x = ax + share * (bx - ax)
+            y = ay + share * (by - ay)
+            px = x - load_float64(tracks.x, k)
+            py = y - load_float64(tracks.y, k)
             total += measure(fx, fy, px, py)
             fx, fy, k = px, py, k + 1
             if k == end and period > 0.0:  # the body jumps
-                k, shift = begin + 1, shift + period
-                px, py = x - load_float64(tracks.x, begin), y - load_float64(tracks.y, begin)
+                k = begin + 1
+                shift = shift + period
+                px = x - load_float64(tracks.x, begin)
+                py = y - load_float64(tracks.y, begin)
                 total += measure(fx, fy, px, py)
                 fx, fy = px, py
 
@@ -222,7 +230,9 @@ def crossings_of_waiting(tracks, j, gx, gy, t, lx, ly):  # type: ignore[no-untyp
     k = _next_place(tracks, begin, end, t - laps * period)
     if k == begin:
         return 0
-    px, py = gx - load_float64(tracks.x, k - 1), gy - load_float64(tracks.y, k - 1)
+    px = gx - load_float64(tracks.x, k - 1)
+    py = gy - load_float64(tracks.y, k - 1)
+
     return laps * load_int64(tracks.lap, j) + load_int64(tracks.waited, k - 1) + crossing(px, py, lx, ly)
 
 
@@ -265,5 +275,7 @@ def _path(motion: Motion, point: Array, off: float) -> Array:
     times = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(rows[:-1, 0], rows[1:, 0], pieces, strict=True)]
     t = np.concatenate([rows[:1, 0], *times])
     x, y, yaw = (np.interp(t, rows[:, 0], rows[:, k]) for k in (1, 2, 3))
-    c, s = np.cos(yaw), np.sin(yaw)
+    c = np.cos(yaw)
+    s = np.sin(yaw)
+
     return np.column_stack([t - motion.offset, x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])

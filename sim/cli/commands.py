@@ -30,7 +30,9 @@ DEMO_ENDS = {"collision": "into a wall", "timeout": "nowhere in time"}
 
 def scenes(_: argparse.Namespace) -> int:
     """List the built-in scenes: robot, noise, number of moving obstacles, and a sentence on each."""
-    rows, about = [], ["about", "-----"]
+    rows = []
+    about = ["about", "-----"]
+
     for name in scene_names():
         loaded = load(name)
         noise = loaded.scene.defaults.get("noise", named(loaded.dynamics_name).settings.noise)
@@ -97,7 +99,8 @@ def sweep(arguments: argparse.Namespace) -> int:
     if folder is None:
         records = run(grid.jobs())
     else:
-        dataset, jobs = Dataset(folder), engine.checked(grid.jobs())
+        dataset = Dataset(folder)
+        jobs = engine.checked(grid.jobs())
         scenes = {job.label: job.digest for job in jobs}
         noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.label == name)) for name in scenes}
         requested = {"methods": list(grid.methods), "noise": noises, "seeds": [grid.seeds.start, grid.seeds.stop]}
@@ -125,7 +128,11 @@ def report(arguments: argparse.Namespace) -> int:
     from sim.sweeps.dataset import Dataset
 
     folder: Path = arguments.output or arguments.folder
-    known, text, web = engine.report(Dataset(arguments.folder)), folder / "report.md", folder / "report.html"
+
+    known = engine.report(Dataset(arguments.folder))
+    text = folder / "report.md"
+    web = folder / "report.html"
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:  # ValueError: a name that is no text

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sim.cli.fields import FILES
-from sim.cli.parser import COMMANDS, PRESETS_TEXT, default_of, robots_text
+from sim.cli.parser import COMMANDS, PRESETS_TEXT, default_of, robots_text, usage_of
 from sim.drive.result import Column
 from sim.options import NUMERICS, options_of
 from sim.settings import DRIVES, SINGLE, Option
@@ -72,9 +72,7 @@ def _tables(options: list[Option]) -> list[str]:
 
 
 def _row(option: Option) -> str:
-    metavar = " ".join(option.metavar) if isinstance(option.metavar, tuple) else option.metavar
-    typed = option.flag if option.positional else f"{option.flag} {metavar}".rstrip()
-    typed = (f"-{option.short}, " if option.short else "") + typed + (" ..." if option.count == "+" else "")
+    typed = (f"-{option.short}, " if option.short else "") + usage_of(option)
     values = ", ".join(f"`{choice}`" for choice in option.choices) or ("required" if option.required else "")
     if option.bounds is not None:
         low, high = (f"{bound:g}" if isinstance(bound, float) else bound for bound in option.bounds)

@@ -98,7 +98,8 @@ def unwinding() -> Iterator[None]:
             raise KeyboardInterrupt if number == signal.SIGINT else Stopped(BY_SIGNAL + number)
 
     before = {number: signal.getsignal(number) for name in WORDS if (number := getattr(signal, name, None))}
-    main, plain = threading.current_thread() is threading.main_thread(), (signal.SIG_DFL, signal.default_int_handler)
+    main = threading.current_thread() is threading.main_thread()
+    plain = (signal.SIG_DFL, signal.default_int_handler)
     mine = {number: old for number, old in before.items() if main and old in plain}  # other threads set none
     for number in mine:
         signal.signal(number, stop)

@@ -37,7 +37,7 @@ collision_probability.probability     number  1     until the goal
 collision_probability.error           number  1     its standard error
 collision_probability.accepted        number  1     part of it that a finite `--phi` accepts
 collision_probability.held            number  1     part of it that holding the control adds
-collision_probability.classes         object  1     probability by class of the path, given the class
+collision_probability.classes         object  1     by class, given the class; only of those whose samples have weight
 collision_probability.accepted_most   number  1     bound of the accepted part
 collision_probability.goal_value      number  cost  v of the samples that arrive
 """)
@@ -76,7 +76,7 @@ step_ms.median                  number  ms    wall time of a plan
 step_ms.p95                     number  ms    its 95th percentile
 step_ms.max                     number  ms    the longest
 deadline_misses                 integer 1     plans that took longer than the period, or by a clock were late
-blocked                         list    s     from when to when the robot had no path
+blocked                         list    s     from when to when no path was found or no sample survived
 real_time.period                number  s     with --real-time: control period
 real_time.periods               integer 1     control periods
 real_time.deadline_misses       integer 1     as above
@@ -128,7 +128,7 @@ plan_seed        integer 1     of the tree
     *columns("""
 step_ms          object  ms    wall time of a plan: median, p95 and max
 deadline_misses  integer 1     plans that took longer than the period
-blocked          list    s     from when to when the robot had no path; only of runs that this command drove
+blocked          list    s     as of `run`; only of runs that this command drove
 shortest_length  number  m     shortest reference at the start; null for methods without a tree
 plan_seconds     number  s     wall time of tree and references without compiling; the runs of a scene share it
 drive_seconds    number  s     wall time of the run without compiling

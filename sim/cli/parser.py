@@ -17,7 +17,7 @@ from sim.options import DAILY, options_of
 from sim.recording.columns import explained
 from sim.settings import DRIVES, PRESETS, SPECIAL, Option
 from sim.systems import System, named, names, typed
-from sim.text import table
+from sim.text import suggestion, table
 
 ALIKE = 0.8  # likeness of an option that may have been meant
 METHODS_TEXT = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
@@ -52,16 +52,23 @@ class Parser(argparse.ArgumentParser):
     """Raises an error of one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise the OptionError of a command line that cannot be read."""
-        raise OptionError(f"{message}; see `{self.prog} --help`")
+        """Raise the OptionError of a command line that cannot be read, with what the option at fault takes."""
+        _, _, command = self.prog.partition(" ")
+        flags = message.partition(":")[0].removeprefix("argument ").split("/")
+        takes = "".join(f"; give {usage_of(one)} ({one.text})" for one in options_of(command) if one.flag in flags)
+        raise OptionError(f"{message}{takes}; see `{self.prog} --help`")
 
 
 def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
     """Read a command line, checked as far as possible without a scene; None: the arguments of this process."""
     words = sys.argv[1:] if argv is None else argv
+    if words and not words[0].startswith("-") and words[0] not in COMMANDS:
+        like = suggestion(words[0], COMMANDS)
+        raise OptionError(f"{words[0]!r} is no command{like}; it must be one of {', '.join(COMMANDS)}")
     arguments, unknown = parser(everything="--help-all" in words).parse_known_args(words)
     if unknown:
-        word, flags = unknown[0].partition("=")[0], [option.flag for option in options_of(arguments.command)]
+        word = unknown[0].partition("=")[0]
+        flags = [option.flag for option in options_of(arguments.command)]
         begun = [flag for flag in flags if flag.startswith(word) and word.startswith("--")]
         near = begun or get_close_matches(word, flags, 1, ALIKE)
         meant = f" (did you mean {' or '.join(near)}?)" if near else ""
@@ -111,6 +118,12 @@ def parser(*, everything: bool = False) -> argparse.ArgumentParser:
         )  # fmt: skip
         _fill(one, name, everything or not takes_scene)
     return whole
+
+
+def usage_of(option: Option) -> str:
+    """Return an option as it is typed with its values, as in --goal X Y R."""
+    metavar = " ".join(option.metavar) if isinstance(option.metavar, tuple) else option.metavar
+    return (option.flag if option.positional else f"{option.flag} {metavar}".rstrip()) + " ..." * (option.count == "+")
 
 
 def robots_text() -> str:

@@ -2,6 +2,7 @@
 
 import argparse
 import functools
+import gc
 import subprocess
 import sys
 import time
@@ -16,6 +17,7 @@ from tqdm import tqdm
 from pirrht.arrays import Array
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.scene import ROUNDING
 from pirrht.jit import cache
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
@@ -50,7 +52,10 @@ class Progress(tqdm):  # type: ignore[misc]
 
 
 class Notice(event.TimingListener):  # type: ignore[misc]
-    """Reports that the first command of an installation compiles, and adds up how long."""
+    """Reports that the first command of an installation compiles, and adds up how long.
+
+    From the first kernel of a run to `finish` no garbage is collected, which would take a tenth of the time or more.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -75,17 +80,21 @@ class Notice(event.TimingListener):  # type: ignore[misc]
             if self._bar is not None:
                 self._bar.update()
             if self.run is not None:
+                gc.disable()
                 self._helper = rehearsal.helper(*self.run)
                 self.run = None
 
     def finish(self) -> None:
-        """Remove the count from the terminal, and end what compiles on another core."""
+        """Remove the count from the terminal, end what compiles on another core, and collect garbage from now on."""
         if self._bar is not None:
             self._bar.close()
         if self._helper is not None:
             self._helper.kill()
             self._helper.communicate()
             self._helper = None
+        if not gc.isenabled():
+            gc.freeze()  # else the first collection would search all that is left of compiling
+            gc.enable()
 
 
 @functools.cache
@@ -98,13 +107,17 @@ def notice() -> Notice:
 
 def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
     """Read the scene and the task of a command line, and put into `arguments` the scene's numbers for the rest."""
-    given, command, numbers = vars(arguments), arguments.command, len(arguments.start or (0, 0))
+    given = vars(arguments)
+    command = arguments.command
+    numbers = len(arguments.start or (0, 0))
+
     if numbers not in (2, 3):
         raise OptionError(
             f"--start has {counted(numbers, 'number')}; it must be X Y, and TH of a robot with a heading; runs begin "
             "at rest (`pirrht estimate --at` takes any state)"
         )
-    driven, of_run = command not in ("plan", "estimate"), options.of_run(command, given)
+    driven = command not in ("plan", "estimate")
+    of_run = options.of_run(command, given)
     notice().run = arguments.scene, of_run
     scenario = prepare(arguments.scene, given=of_run, loose=loose, driven=driven)
     if numbers == 3 and not scenario.problem.dynamics.angles:
@@ -156,13 +169,16 @@ def plan(arguments: argparse.Namespace) -> int:
 
             plotting.check(getattr(arguments, option), f"--{option}")
     scenario = scenario_of(arguments)
-    began, watched = notice().clock(), {}
+    began = notice().clock()
+    watched = {}
+
     if arguments.convergence:
         vertices = scenario.settings.vertices
         with Progress("plan", vertices, " vertices") as bar:
             tree = scenario.empty_tree(scenario.grown_tree(bar.to).limit)
             lengths = convergence_json(tree, scenario.start, vertices, every=max(1, vertices // 200), progress=bar.to)
-        references, watched = scenario.references(tree), {"convergence": lengths}
+        references = scenario.references(tree)
+        watched = {"convergence": lengths}
         report_limit(scenario, tree)
     else:
         tree, references = planned(scenario)
@@ -244,7 +260,21 @@ def state_of(at: list[float], scenario: Scenario) -> Array:
     if len(at) <= len(place):
         x = scenario.problem.dynamics.state_of(np.array([*at, 0.0]))
     if scenario.space.clearance(x) <= 0.0:
-        raise SceneError(f"--at {where}: this state is in collision or outside the workspace; choose another")
+        raise SceneError(f"--at {where}: {why_covered(x, scenario)}; choose another state")
     if scenario.loaded.scene.goal.contains(x[:2]):
         raise SceneError(f"--at {where}: this state is already in the goal; choose another")
     return x
+
+
+def why_covered(x: Array, scenario: Scenario) -> str:
+    """Return why the robot may not be at a state (n,): the border, an obstacle, or the margin around one."""
+    scene, collision, place = scenario.space.scene, scenario.space.collision, x[None, :2]
+    if not scene.world.contains(x[:2]):
+        (left, low), (right, high) = scene.lower, scene.upper
+        return f"this state is outside the workspace, x {left:g} to {right:g} and y {low:g} to {high:g}"
+    nearest = collision.nearest_walls(place, range(len(scene.obstacles)), scene.robot_radius).which[0]
+    obstacle, distance = scene.obstacles[nearest].name, float(collision.true_distance(place)[0])
+    if distance < scene.body.radius + ROUNDING:
+        return f'the robot collides with obstacle "{obstacle}" there'
+    free = f"{distance - scene.body.radius:.3g} m from obstacle"
+    return f'the robot is {free} "{obstacle}" there, and plans keep a margin of {scene.margin:.3g} m'

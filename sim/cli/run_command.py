@@ -15,6 +15,7 @@ from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
+from pirrht.planner.references import Reference
 from sim.cli import tables
 from sim.cli.plan_command import Progress, notice, planned, report_prediction, scenario_of
 from sim.drawing.colors import title
@@ -34,25 +35,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Plan, run, record and sum up."""
     from sim.recording.viewer import Look
 
-    sinks, scenario = _sinks(arguments), scenario_of(arguments)
+    sinks = _sinks(arguments)
+    scenario = scenario_of(arguments)
     drawn = {name: getattr(arguments, f"record_{name}") for name in ("hz", "samples", "lift")}
     (look := Look(truth=arguments.truth, **drawn)).check(scenario.space)
-    film = recorder = None
-    if arguments.video is not None or arguments.png is not None:
-        from sim.film import Film
-
-        film = Film(scenario.loaded, video=arguments.video, still=arguments.png)
-    with Progress("exact value") as bar:
-        truth = scenario.truth(bar.to) if arguments.truth else None
-    tree, references = (None, []) if scenario.settings.method in TREELESS else planned(scenario, waits=True)
-    if references:
-        print(tables.class_table(references, scenario.homology, scenario.names))
-        report_prediction(scenario, "classes above are those")
-    say(tables.odds(scenario))
-    with Progress("exact value") as bar:
-        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, bar.to)
-    rehearse(scenario, driving=True)
-    notice().finish()
+    film = _film(arguments, scenario)
+    recorder = None
+    driver, references, truth = _prepared(scenario, exact=arguments.truth)
     observers: list[Observer] = [] if film is None else [lambda frame: film.add(frame, driver.path_integral)]
     with ExitStack() as stack:
         if sinks:
@@ -64,7 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
         observers.append(partial(_show, bar, scenario.settings.risk))
         last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
     assert last is not None
-    result, collision = last.metrics.json(), scenario.collisions(last.metrics.first_plan)
+    result = last.metrics.json()
+    collision = scenario.collisions(last.metrics.first_plan)
     tables.summary(last.metrics, scenario)
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
@@ -76,14 +66,44 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, run_json(scenario, references, result, collision))
     if film is not None:
-        with Progress("film", film.length, " pictures") as bar:
-            film.save(bar.update)
-    for what, file in (("film", arguments.video), ("picture", arguments.png)):
-        say("" if file is None else f"{what}: {path_text(file)}")
+        _save_film(film, arguments)
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
     return 0 if last.outcome is Outcome.GOAL else 1
+
+
+def _prepared(scenario: Any, *, exact: bool) -> tuple[Any, list[Reference], Any]:
+    """Return the policy of a run, its references, and the exact solution if that is wanted; kernels are compiled."""
+    with Progress("exact value") as bar:
+        truth = scenario.truth(bar.to) if exact else None
+    tree, references = (None, []) if scenario.settings.method in TREELESS else planned(scenario, waits=True)
+    if references:
+        print(tables.class_table(references, scenario.homology, scenario.names))
+        report_prediction(scenario, "classes above are those")
+    say(tables.odds(scenario))
+    with Progress("exact value") as bar:
+        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, bar.to)
+    rehearse(scenario, driving=True)
+    notice().finish()
+    return driver, references, truth
+
+
+def _film(arguments: argparse.Namespace, scenario: Any) -> Any:
+    """Return the film of a run, if one or its last picture is wanted."""
+    if arguments.video is None and arguments.png is None:
+        return None
+    from sim.film import Film
+
+    return Film(scenario.loaded, video=arguments.video, still=arguments.png)
+
+
+def _save_film(film: Any, arguments: argparse.Namespace) -> None:
+    """Render a film, and report its files."""
+    with Progress("film", film.length, " pictures") as bar:
+        film.save(bar.update)
+    for what, file in (("film", arguments.video), ("picture", arguments.png)):
+        say("" if file is None else f"{what}: {path_text(file)}")
 
 
 def _show(bar: Progress, risk: float | None, frame: Frame) -> None:

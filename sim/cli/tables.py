@@ -12,7 +12,7 @@ from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import passing, title
 from sim.drive import episode
-from sim.drive.metrics import EpisodeMetrics, Truth
+from sim.drive.metrics import REASONS, EpisodeMetrics, Truth
 from sim.scenario import Scenario
 from sim.text import counted, say, table
 
@@ -21,6 +21,10 @@ HINTED = 0.01  # bound of that probability above which --risk is mentioned
 FEW_CLASSES = 4
 FEW_OBSTACLES = 4
 MIN_WEIGHT = 0.01  # of a class in any repeat, for others to be in doubt about it
+REMEDIES = {  # of `Plan.fallback`
+    "no reference": "more --vertices or a smaller margin may find one",
+    "no survivor": "try more --samples or less --noise",
+}
 DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
@@ -80,7 +84,8 @@ def doubts(
 ) -> list[str]:
     """List doubts that standard errors hide: few samples, heavy tails, classes not sampled, targets missed."""
     known = [e for e in estimates if e is not None]
-    of, least = f"of {len(known)} repeats", min((e.value for e in known), default=0.0)
+    of = f"of {len(known)} repeats"
+    least = min((e.value for e in known), default=0.0)
     poor = sum(e.doubtful for e in known)
     heavy = sum(e.heavy_tailed and not e.doubtful for e in known)
     lines = [
@@ -109,7 +114,11 @@ def passages_line(found: dict[str, Any]) -> str:
     """Report open passages (`passages_json`) that are on no path; empty without any."""
     if not (unused := found["unused"]):
         return ""
-    (x, y), width, between = unused[0]["at"], unused[0]["width"], " and ".join(unused[0]["between"])
+
+    x, y = unused[0]["at"]
+    width = unused[0]["width"]
+    between = " and ".join(unused[0]["between"])
+
     return (
         f"no path leads through {len(unused)} of {counted(found['open'], 'open passage')}; the narrowest of these is "
         f"{width:.2f} m wide at ({x:.2f}, {y:.2f}) between {between}; more --vertices or --classes or a higher --limit "
@@ -171,7 +180,8 @@ def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
         f"without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m "
         "(free distance around the robot)")  # fmt: skip
     if so_far and run.fallbacks > run.steps // 2:
-        say("no path for most of the time: more --samples or --vertices, or a smaller margin, may find one")
+        (why, _), *_ = run.reasons.most_common()
+        say(f"{REASONS[why]} for most of the time: {REMEDIES[why]}")
     if run.outcome == "collision" and scenario.settings.risk is None:
         say("noise moves the robot between two controls: --risk 0.01 or --margin M [m] makes plans leave more "
             "clearance")  # fmt: skip

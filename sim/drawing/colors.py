@@ -50,7 +50,11 @@ class ClassColors(dict[str, Color]):
     def __missing__(self, name: str) -> Color:
         if name == OTHER:
             return OTHER_COLOR
-        wanted, hues, taken = place_of(name), len(PALETTE), set(self.values())
+
+        wanted = place_of(name)
+        hues = len(PALETTE)
+        taken = set(self.values())
+
         early = (nth_color(hues * tint + (wanted + k) % hues) for tint in range(3) for k in range(hues))
         self[name] = next((color for color in early if color not in taken), nth_color(len(self)))
         return self[name]
@@ -155,7 +159,8 @@ def _seen(knots: Array, homology: Homology) -> Array:
     way = interpolated(knots[:, :2], knots[:, 2], times)
     places = np.empty((homology.J, MOMENTS, 2))
     places_at(homology.tracks, times, places)
-    along, moved = np.diff(way, axis=0), np.diff(places, axis=1)
+    along = np.diff(way, axis=0)
+    moved = np.diff(places, axis=1)
     weight = 1.0 / np.maximum(np.sum((places - way)[:, 1:] ** 2, axis=-1), 1e-9)
     far = np.hypot(moved[..., 0], moved[..., 1])
     lengths = far * np.hypot(*along.T)
@@ -167,7 +172,9 @@ def _seen(knots: Array, homology: Homology) -> Array:
 
 def _side(turn: float) -> str:
     """Return how a path passes something about which it makes a turn [turns]: a word for each whole number more."""
-    often, way = int(abs(turn)), "clockwise" if turn < 0.0 else "anticlockwise"
+    often = int(abs(turn))
+    way = "clockwise" if turn < 0.0 else "anticlockwise"
+
     if often == 0:
         return LEFT if turn < 0.0 else RIGHT
     return f"{way} round" if often == 1 else f"{often} times {way} round"
@@ -221,7 +228,8 @@ def worded(
     the robot is, are in turns; `names` (M,) and `movers` are those of the obstacles. Each class is set apart from those
     in `among`, from all if None. `passed` says by id how each moving obstacle is passed (`sides`).
     """
-    M, called = len(names), numbered([*names, *movers])
+    M = len(names)
+    called = numbered([*names, *movers])
 
     def sentence(name: str, rivals: Collection[str]) -> str:
         mine = windings[name]

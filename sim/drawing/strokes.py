@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array, IntArray
@@ -29,6 +30,7 @@ CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
 TURN = 0.15  # of an obstacle from one ring of its tube to the next at most [rad]
 ROUND = 64  # corners of what is round, seen from above
 MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
+BUNDLE, SMOOTH = 5.0, 9  # widths of strokes that many coinciding ones share; points over which shifts change
 JUMP = 1e-6  # time over which an obstacle that starts over jumps [s]
 
 
@@ -51,6 +53,23 @@ def even(points: Array, count: int) -> Array:
     """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
     along = lengths(points)
     return interpolated(points, along, np.linspace(0.0, along[-1], count))
+
+
+def side_by_side(lines: Sequence[Array], width: float) -> list[Array]:
+    """Move polylines (k, 2) [m] sideways where they coincide, so that strokes of a width [m] all show."""
+    fine = [even(line, 2 + int(2.0 * lengths(line)[-1] / width)) for line in lines]
+    trees = [KDTree(line) for line in fine]
+    moved = list[Array]()
+
+    for place, line in enumerate(fine):
+        near = np.array([tree.query(line, distance_upper_bound=width)[0] < width for tree in trees])
+        count = near.sum(axis=0)
+        lane = (near[:place].sum(axis=0) - 0.5 * (count - 1)) * np.minimum(1.0, BUNDLE / count)
+        along = np.gradient(line, axis=0)
+        normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+        shift = uniform_filter1d(lane[:, None] * normal, SMOOTH, axis=0, mode="nearest")
+        moved.append(line + width * shift)
+    return moved
 
 
 def knots_of(reference: Reference) -> Array | None:
@@ -134,7 +153,8 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
     edge = graph.parent[vertex, slot]
     head = graph.head[edge]
     ends = np.empty((len(vertex), 2, 3))
-    ends[:, 0, :2], ends[:, 1, :2] = tree.states[vertex, :2], tree.states[head, :2]
+    ends[:, 0, :2] = tree.states[vertex, :2]
+    ends[:, 1, :2] = tree.states[head, :2]
     used = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
     turns = np.sum(graph.turn[vertex, slot] * (used & (graph.marker[vertex, slot] == obstacle)), axis=1, dtype=float)
     added = np.zeros(len(graph.tail))  # by prepending each edge [turns]
@@ -160,7 +180,9 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
     (POINTS, 2) [m]; if it touches something, the sample nearest to it.
     """
     paths, found = estimate.rollouts.paths, {}
-    arrived, share = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0), np.linspace(0.0, 1.0, POINTS)
+    arrived = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0)
+    share = np.linspace(0.0, 1.0, POINTS)
+
     for key, name in names.items():
         group = np.flatnonzero(arrived & (paths.key == key))
         group = group[np.argsort(-estimate.weight[group], kind="stable")[:MOST]]
@@ -184,10 +206,8 @@ def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
 def outline(obstacle: Obstacle) -> Array:
     """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
     size, up = obstacle.size, np.array([0.0, 0.0, obstacle.size[1]])
-    angle, latitude = (
-        np.linspace(0, 2 * np.pi, ROUND, endpoint=False),
-        np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1),
-    )
+    angle = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1)
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
     ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
     points = {

@@ -118,7 +118,8 @@ def _by_clock(
     plant.reset(start)
     if policy.tree is not None:  # that takes longer than a period
         policy.tree.reserve(planner.most)
-    first, news = planner.first(start), SimpleQueue[Period | BaseException]()
+    first = planner.first(start)
+    news = SimpleQueue[Period | BaseException]()
 
     def drive() -> None:
         for period in _drive(plant, planner, first, rng, max_time):
@@ -153,7 +154,10 @@ def _drive(plant: Plant, planner: Planner, law: TimedPlan, rng: np.random.Genera
     """Drive period by period as the clock goes, until the run ends."""
     clock, origin, arrived = planner.clock, planner.origin, planner.arrived
     for step in count():
-        begin, start, late, met = step * plant.period, plant.state, list[float](), law
+        begin = step * plant.period
+        start = plant.state
+        late = list[float]()
+        met = law
 
         def control(x: Array, s: float, begin: float = begin, late: list[float] = late) -> Array:
             nonlocal law, met
@@ -184,9 +188,14 @@ class Planner:
     """
 
     def __init__(self, policy: Policy, clock: Clock, period: float, grow: int | None) -> None:
-        self.policy, self.clock, self.period, self.grow = policy, clock, period, grow
+        self.policy = policy
+        self.clock = clock
+        self.period = period
+        self.grow = grow
+
         self.origin, self.stopped = 0.0, False  # start of the run on the clock [s]
-        self.arrived, self.driven = deque[TimedPlan](), deque[Array]()
+        self.arrived = deque[TimedPlan]()
+        self.driven = deque[Array]()
         self.seen: tuple[float, Array] = (0.0, np.empty(0))
         self.most = 0 if policy.tree is None else FULLER * policy.tree.size  # vertices
         self._longest = 0.0  # time that a few draws take, half of it since the last period [s]
@@ -196,7 +205,9 @@ class Planner:
         """Return a plan at x (n,) for a run's beginning; guides, which take long, go on from a plan without a clock."""
         self.policy.begin(x)
         self.policy.plan(x)
-        self.seen, self.origin = (0.0, x), self.clock.now() + self.period
+        self.seen = (0.0, x)
+        self.origin = self.clock.now() + self.period
+
         return self._made(x, 0.0)
 
     def work(self, last: TimedPlan) -> None:
@@ -241,7 +252,8 @@ class Planner:
 
     def _made(self, x: Array, begin: float) -> TimedPlan:
         """Return a plan at x (n,), made in the period before `begin` [s]."""
-        began, due = self.clock.now(), self.origin + begin
+        began = self.clock.now()
+        due = self.origin + begin
         after = sorted(self._after)[-RARE:] or [0.0]
         share = float(np.clip(1.0 - RESERVE * after[0] / self.period, LEAST_SHARE, SHARE))
         until = due + (share - 1.0) * self.period
@@ -270,7 +282,8 @@ class Planner:
 @contextmanager
 def _undisturbed() -> Iterator[None]:
     """Avoid long pauses: collect only new garbage, between plans; let threads take turns quickly."""
-    before, collecting = sys.getswitchinterval(), gc.isenabled()
+    before = sys.getswitchinterval()
+    collecting = gc.isenabled()
     sys.setswitchinterval(SWITCH)
     gc.collect()
     gc.freeze()

@@ -156,12 +156,26 @@ class Plant:
 
         The control is queried at every physics step; `rng` gives the period's increments, in the order of the steps.
         """
-        h, problem, checker, x, scene = self.physics_step, self._problem, self._checker, self.state, self._problem.scene
-        (left, low), (right, high), (gx, gy) = scene.lower.tolist(), scene.upper.tolist(), scene.goal.center.tolist()
+        h = self.physics_step
+        problem = self._problem
+        checker = self._checker
+        x = self.state
+        scene = self._problem.scene
+
+        left, low = scene.lower.tolist()
+        right, high = scene.upper.tolist()
+        gx, gy = scene.goal.center.tolist()
+
         at_x, at_y = x[:2].tolist()
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
-        controls, states = np.empty_like(noise), np.empty((self._count, len(x)))
-        outcome, cost, length, k = None, 0.0, 0.0, 0
+        controls = np.empty_like(noise)
+        states = np.empty((self._count, len(x)))
+
+        outcome = None
+        cost = 0.0
+        length = 0.0
+        k = 0
+
         times = self._begun + h * np.arange(self._steps + 1.0, self._steps + 1.0 + self._count)
         while k < self._count and outcome is None:
             u = controls[k]
@@ -204,7 +218,8 @@ class Executor(Plant):
         if loaded.unfit:
             raise OptionError(f"{loaded.unfit}; or give --robot FILE.xml, or --plant sde, which drives no joints")
         check_motion(model, called, problem.dynamics, loaded.command)
-        self.data, self._stance = mujoco.MjData(model), Stance(model, loaded.states)
+        self.data = mujoco.MjData(model)
+        self._stance = Stance(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
         self._mocap = Mocap(model, loaded.scene.movers) if loaded.scene.movers else None
         balls = [model.geom(i) for i in range(model.ngeom) if model.geom(i).name in BALLS]

@@ -11,6 +11,7 @@ Noise along the path alone (a rover's) adds nothing to a chord on average: only 
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -37,6 +38,8 @@ CHORD = 2.5  # times lambda / q: 0.05 s at the point's b = 0.1, 0.45 s at 0.3
 GRACE = 1e-9  # by which sums of periods may miss the time [s]
 STRETCH = 1.0  # weak plans that are less apart than this are reported once [s]
 
+REASONS = {"no reference": "no path was found", "no survivor": "no sample survived"}  # of `Plan.fallback`, in words
+
 Risk = Callable[[Plan], CollisionProbability | None]
 
 
@@ -59,7 +62,10 @@ class Length:
             self._steps += 1
             chord = sqrt(max(0.0, dist(self._begun, place) ** 2 - self._spread * self._steps * step))
             if self._steps >= each:
-                self._chords, self._begun, self._steps, chord = self._chords + chord, place, 0, 0.0
+                self._chords = self._chords + chord
+                self._begun = place
+                self._steps = 0
+                chord = 0.0
         smooth = max(self._chords + chord, dist(self._first, place))
         self.total = min(self.noisy, smooth) if problem.dynamics.noisy_position else self.noisy
 
@@ -168,14 +174,25 @@ class EpisodeMetrics:
     def __init__(
         self, task: Any, x: Array, *, period: float, max_time: float, grid: Desirability | None = None
     ) -> None:  # fmt: skip
-        self._task, self._period, self._max_time, self._grid = task, period, max_time, grid
+        self._task = task
+        self._period = period
+        self._max_time = max_time
+        self._grid = grid
+
         self.risk: Risk = lambda _: None
-        self.outcome, self.time, self.cost, self.steps, self.vertices = "timeout", 0.0, 0.0, 0, 0
+
+        self.outcome = "timeout"
+        self.time = 0.0
+        self.cost = 0.0
+        self.steps = 0
+        self.vertices = 0
+
         self.path_length = self.noisy_path_length = self.blocked_time = 0.0
         self._doubted = -inf  # time of the last weak plan [s]
         self.value_estimate = self.least_ess = self.least_ess_time = None  # type: float | None
         self.executed_class = self.favourite = self._decided = None  # type: str | None
-        self.class_switches = self.class_reversals = self.fallbacks = self.doubtful_plans = 0
+        self.class_switches = self.class_reversals = self.doubtful_plans = 0
+        self.reasons = Counter[str]()  # of fallbacks
         self.deadline_misses = 0  # plans that took longer than the period, by a clock those that were late
         self.blocked: list[tuple[float, float]] = []  # from when to when the robot was [s]
         self.last: Frame | None = None
@@ -184,13 +201,18 @@ class EpisodeMetrics:
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
         self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
-        self._length, self._driven = Length(x), Driven(task.homology, x)
+        self._length = Length(x)
+        self._driven = Driven(task.homology, x)
         self._space, self._checker = task.space, ClearanceChecker(task.space.scene)
         self.min_clearance = self._checker.least(x[None], np.zeros(1))
 
     def frame(self, made: TimedPlan, advance: Advance, late: Array | None = None) -> Frame:
         """Take the next period into account; by a clock, how late each physics step began, (k,) [s]."""
-        plan, begin, last, task = made.plan, self.time, self.last, self._task
+        plan = made.plan
+        begin = self.time
+        last = self.last
+        task = self._task
+
         if plan.space is not None and plan.space is not self._space:
             if last is not None and made.run is last.run:  # among other obstacles, to the same goal
                 self._driven.enter(plan.space.homology)
@@ -198,12 +220,17 @@ class EpisodeMetrics:
                 self._driven = Driven(task.homology, plan.state, begin)
             self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
         clearance = self._checker.least(plan.state[None], np.array([begin]))
-        self.time, self.cost, self.vertices = begin + advance.time, self.cost + advance.cost, made.vertices
+
+        self.time = begin + advance.time
+        self.cost = self.cost + advance.cost
+        self.vertices = made.vertices
+
         self._length.add(task.problem, advance.states, advance.time / len(advance.states), advance.length)
         self._driven.observe(advance.states, self.time)
         self.path_length, self.noisy_path_length = self._length.total, self._length.noisy
         self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
-        outcome, driven = ending(advance, begin, self._max_time), self._driven.winding()
+        outcome = ending(advance, begin, self._max_time)
+        driven = self._driven.winding()
         news = self._count(plan, begin)
         missed = made.plan_seconds > self._period
         if late is not None:
@@ -232,36 +259,56 @@ class EpisodeMetrics:
 
     def _count(self, plan: Plan, begin: float) -> list[str]:
         """Count a plan of a time [s]; return lines for a person on what is new."""
-        estimate, news = plan.estimate, list[str]()
-        was_blocked = self.last is not None and self.last.plan.fallback is not None
+        estimate = plan.estimate
         if self.last is None:
-            self.first_plan, self.value_estimate = plan, plan.exact if estimate is None else estimate.value
-        if plan.fallback is not None:
-            if not was_blocked:
-                does = "braking" if plan.stops else "this robot cannot stop and takes the path that stays free longest"
-                news.append(f"blocked at {begin:.2f} s: {plan.fallback}; {does}")
-                self.blocked.append((begin, begin))
-            self.blocked[-1] = self.blocked[-1][0], self.time
-            self.fallbacks += 1
-            self.blocked_time = sum(end - start for start, end in self.blocked)
-            return news
-        if was_blocked:
-            news.append(f"a free path at {begin:.2f} s, after {begin - self.blocked[-1][0]:.2f} s: going on")
+            self.first_plan = plan
+            self.value_estimate = plan.exact if estimate is None else estimate.value
+        news = self._count_blocked(plan, begin)
         if estimate is not None:
-            if self.least_ess is None or estimate.ess < self.least_ess:
-                self.least_ess, self.least_ess_time = estimate.ess, begin
-            if estimate.doubtful:
-                if begin - self._doubted >= STRETCH:
-                    news.append(f"{estimate.ess:.1f} effective samples at {begin:.2f} s: the control is a guess")
-                self.doubtful_plans, self._doubted = self.doubtful_plans + 1, begin
+            news += self._count_doubtful(estimate, begin)
+        if plan.fallback is None:
+            news += self._count_class(plan, begin)
+        return news
+
+    def _count_blocked(self, plan: Plan, begin: float) -> list[str]:
+        """Add a period to the time that the robot is blocked, or end this."""
+        was_blocked = self.last is not None and self.last.plan.fallback is not None
+        if plan.fallback is None:
+            since = f"going on at {begin:.2f} s, after {begin - self.blocked[-1][0]:.2f} s" if was_blocked else ""
+            return [since] if since else []
+        if not was_blocked:
+            self.blocked.append((begin, begin))
+        self.blocked[-1] = self.blocked[-1][0], self.time
+        self.blocked_time = sum(end - start for start, end in self.blocked)
+        self.reasons[plan.fallback] += 1
+        return [] if was_blocked else [f"blocked at {begin:.2f} s: {why_blocked(plan)}"]
+
+    def _count_doubtful(self, estimate: Estimate, begin: float) -> list[str]:
+        """Note the least effective samples, and plans that have too few of them."""
+        if self.least_ess is None or estimate.ess < self.least_ess:
+            self.least_ess, self.least_ess_time = estimate.ess, begin
+        if not estimate.doubtful:
+            return []
+        again = begin - self._doubted < STRETCH
+        self._doubted = begin
+        self.doubtful_plans += 1
+        return [] if again else [f"{estimate.ess:.1f} effective samples at {begin:.2f} s: the control is a guess"]
+
+    def _count_class(self, plan: Plan, begin: float) -> list[str]:
+        """Count changes of the class of greatest weight, and decisions that are reversed."""
         before, self.favourite = self.favourite, plan.favourite
-        if before not in (None, self.favourite):
-            news.append(f"class {title(before or OTHER)} -> {title(self.favourite or OTHER)} at {begin:.2f} s")
-            self.class_switches += 1
         if plan.decided is not None:
             self.class_reversals += self._decided not in (None, plan.decided)
             self._decided = plan.decided
-        return news
+        if before in (None, self.favourite):
+            return []
+        self.class_switches += 1
+        return [f"class {title(before or OTHER)} -> {title(self.favourite or OTHER)} at {begin:.2f} s"]
+
+    @property
+    def fallbacks(self) -> int:
+        """Number of plans without a reference or a surviving sample."""
+        return self.reasons.total()
 
     @property
     def step_ms(self) -> dict[str, Any]:
@@ -300,6 +347,14 @@ class EpisodeMetrics:
 def _percentiles(values: Sequence[float] | Array, **shares: float) -> dict[str, float | None]:
     found = np.percentile(values, [*shares.values()]).tolist() if len(values) else [None] * len(shares)
     return dict(zip(shares, found, strict=True))
+
+
+def why_blocked(plan: Plan) -> str:
+    """Report why there is a fallback, and what the robot does."""
+    does = "braking" if plan.stops else "this robot cannot stop and takes the path that stays free longest"
+    if plan.law is None:
+        does = "the last controls go on"
+    return f"{REASONS[plan.fallback or 'no reference']}; {does}"
 
 
 def ending(advance: Advance, begun: float, max_time: float) -> Outcome | None:

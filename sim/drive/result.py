@@ -32,7 +32,7 @@ value_estimate     float64 cost  v at the start: estimated, of optimal exact; in
 executed_class     string  -     homology class of the driven path; null unless the goal was reached
 class_switches     int64   1     control steps whose class of greatest weight differs from the one before
 class_reversals    int64   1     times that a class of nine tenths of the weight followed on another such one
-fallbacks          int64   1     control steps without a reference or a surviving sample: the robot brakes
+fallbacks          int64   1     control steps without a reference or a surviving sample: the robot is blocked
 blocked_time       float64 s     simulated time of those steps
 doubtful_plans     int64   1     control steps whose plan rests on fewer than 10 effective samples
 least_ess          float64 1     least effective sample size of a plan; null for methods without samples

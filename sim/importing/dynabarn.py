@@ -26,7 +26,11 @@ from sim.mjcf.library import FARTHEST, FINEST, content_of, listed, refused
 
 SUFFIXES = (".json",)
 FORM = '{"0": {"obstacles": [{"name": "a", "radius": 0.5, "keys": [[0, x, y], [t, x, y]]}]}}'
-START, GOAL, ARENA = (11.0, 0.0, np.pi), (-9.0, 0.0, 1.0), (-10.0, 12.0, -10.0, 10.0)
+
+START = (11.0, 0.0, np.pi)
+GOAL = (-9.0, 0.0, 1.0)
+ARENA = (-10.0, 12.0, -10.0, 10.0)
+
 HALF_HEIGHT = 0.5  # of cylinders and walls [m]
 OPTIONS = {  # the benchmark's robot drives at most 2 m/s; its circumscribed radius is 0.33 m
     **{"robot": "puck", "radius": "0.33", "noise": "0.05", "speed": "2", "margin": "0.1", "period": "0.1", "dt": "0.1"},
@@ -49,15 +53,21 @@ def read(source: Path, number: str | None = None) -> World:
     if number is None or number not in worlds:
         why = "holds several worlds" if number is None else f"has no world {number}"
         raise SceneError(f"{source}: it {why}; give --world with one of {listed([*worlds], 20)}")
-    where, world = f"{source}: world {number}", worlds[number]
+    where = f"{source}: world {number}"
+    world = worlds[number]
     obstacles = world.get("obstacles") if isinstance(world, dict) else None
     if not isinstance(obstacles, list) or not obstacles:
         raise SceneError(f'{where} has no list "obstacles" with something in it; write {FORM}')
     found = [_cylinder(f"{where}, obstacle {i}", one) for i, one in enumerate(obstacles, start=1)]
     names = distinct((name for name, _, _ in found), {"floor", "world", *(f"{side} wall" for side in WALLS)})
-    motions, bodies = [], []
+    motions = []
+    bodies = []
+
     for name, (_, radius, keys) in zip(names, found, strict=True):
-        path, label, motion = rows(keys), quoteattr(name), quoteattr(f"pirrht_motion_{name}")
+        path = rows(keys)
+        label = quoteattr(name)
+        motion = quoteattr(f"pirrht_motion_{name}")
+
         numbers = "  ".join(text(*row, 0) for row in path)
         motions.append(f'<numeric name={motion} data="{numbers}"/>\n    <text name={motion} data="repeat"/>')
         bodies.append(
@@ -78,8 +88,11 @@ def _cylinder(where: str, obstacle: Any) -> tuple[str, float, Array]:
     """Read name, radius [m] and keys (k, 3) t [s], x, y [m]."""
     if not isinstance(obstacle, dict):
         raise SceneError(f"{where} is no object; write {FORM}")
-    name, radius = " ".join(str(obstacle.get("name", "")).split()), _number(obstacle.get("radius"))
-    where, keys = f'{where} ("{name[:40]}")', obstacle.get("keys")
+    name = " ".join(str(obstacle.get("name", "")).split())
+    radius = _number(obstacle.get("radius"))
+    where = f'{where} ("{name[:40]}")'
+    keys = obstacle.get("keys")
+
     if not name or not radius >= FINEST or not isinstance(keys, list) or len(keys) < 2:
         must = f'a "name", a "radius" of {FINEST:g} to {FARTHEST:g} m and two or more "keys"; write {FORM}'
         raise SceneError(f"{where} needs {must}")
@@ -101,10 +114,12 @@ def _number(value: Any) -> float:
 
 def place(keys: Array, times: Array) -> Array:
     """Places (..., 2) [m] at times (...) [s] on the spline through keys (k, 3) t [s], x, y [m]."""
-    points, number = keys[:, 1:], np.arange(len(keys))
+    points = keys[:, 1:]
+    number = np.arange(len(keys))
     padded = np.vstack([points[:1], points, points[-1:]])
     if np.array_equal(points[0], points[-1]):
-        padded[0], padded[-1] = points[-2], points[1]
+        padded[0] = points[-2]
+        padded[-1] = points[1]
     spline = CubicHermiteSpline(number, points, 0.5 * (padded[2:] - padded[:-2]))
     return np.asarray(spline(np.interp(times, keys[:, 0], number)))
 
@@ -125,7 +140,8 @@ def rows(keys: Array) -> Array:
     while kept[-1] < len(path) - 1:
         good, step = kept[-1] + 1, 1
         while close(good + step):
-            good, step = good + step, 2 * step
+            good = good + step
+            step = 2 * step
         while step := step // 2:
             good += step * close(good + step)
         kept.append(good)

@@ -229,7 +229,9 @@ def _cut(triangles: Array, point: Array, normal: Array) -> list[Array]:
     corners = triangles.reshape(-1, 3)
     heights = (corners - point) @ normal
     heights[np.abs(heights) < _SAME] = 0.0
-    faces, found = np.arange(len(corners)).reshape(-1, 3), []
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    found = []
+
     for side in (-1, 1):
         vertices, kept, _ = slice_faces_plane(corners, faces, side * normal, point, cached_dots=side * heights)
         found += _pieces(vertices[kept])
@@ -267,7 +269,9 @@ def _indexed(triangles: Array) -> IntArray:
 
 def read_collada(path: Path) -> Array:
     """Read the corners of all triangles, (t, 3, 3) [m]."""
-    begin, wrong = f"{path}: this is no COLLADA file of triangles (", (ValueError, LookupError, OverflowError)
+    begin = f"{path}: this is no COLLADA file of triangles ("
+    wrong = (ValueError, LookupError, OverflowError)
+
     with refused(begin, "); export it again", *wrong, AttributeError, most=100):
         root = parse(path, "a COLLADA file")
         for element in root.iter():
@@ -309,7 +313,8 @@ def _polygons(geometry: ET.Element, ids: dict[Any, Any], points: Callable[[ET.El
             counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
             if part.tag == "polygons":
                 counts = np.array([len(one) for one in lists])
-            place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
+            place = np.arange(len(corners))
+            first = np.repeat(np.cumsum(counts) - counts, counts)
             inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
             yield corners[np.stack([first[inner], inner, inner + 1], axis=1)]
         elif part.tag not in ("source", "vertices", "extra", "lines", "linestrips"):

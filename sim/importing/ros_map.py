@@ -24,6 +24,7 @@ from sim import extras
 from sim.files import why_unreadable
 from sim.importing.solids import Solid, World, transform
 from sim.mjcf.library import FARTHEST, MOST_PIXELS, content_of, refused
+from sim.text import suggestion
 
 UNKNOWN = ("occupied", "free")
 MODES = ("trinary", "scale", "raw")
@@ -44,9 +45,15 @@ def read_map(path: Path, unknown: str = "occupied") -> World:
     Its own border is the ground's, if it is not turned.
     """
     if unknown not in UNKNOWN:
-        raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
-    known, notes = _values(path), list[str]()
-    occupied_above, free_below, mode = known["occupied_thresh"], known["free_thresh"], known["mode"]
+        like = suggestion(unknown, UNKNOWN)
+        raise OptionError(f"--unknown is {unknown!r}{like}; it must be one of {', '.join(UNKNOWN)}")
+    known = _values(path)
+    notes = list[str]()
+
+    occupied_above = known["occupied_thresh"]
+    free_below = known["free_thresh"]
+    mode = known["mode"]
+
     if not 0 <= free_below <= occupied_above <= 1:
         must = "they must lie between 0 and 1, the first below the second"
         raise SceneError(f"{path}: free_thresh is {free_below:g} and occupied_thresh {occupied_above:g}; {must}")
@@ -72,9 +79,12 @@ def read_map(path: Path, unknown: str = "occupied") -> World:
     between = np.count_nonzero((cells < occupied_above) & ~free) if mode == "scale" else 0
     if between:
         notes.append(f"{between} cells of a chance between free_thresh and occupied_thresh count as unknown")
-    blocked, side = np.flipud(~free if unknown == "occupied" else occupied), known["resolution"]  # lowest row first
+    blocked = np.flipud(~free if unknown == "occupied" else occupied)  # lowest row first
+    side = known["resolution"]
     x, y, yaw = np.nan_to_num(known["origin"])
-    frame, solids = transform(np.array([x, y, HEIGHT / 2, 0.0, 0.0, yaw])), []
+    frame = transform(np.array([x, y, HEIGHT / 2, 0.0, 0.0, yaw]))
+    solids = []
+
     for number, piece in enumerate(cover(blocked), start=1):
         r0, r1, c0, c1 = side * piece
         pose = frame.copy()
@@ -137,7 +147,9 @@ _KEYS: dict[str, tuple[Callable[[Any], Any], str]] = {  # how a value is read, a
 
 def _image_file(path: Path, name: str, notes: list[str]) -> Path:
     """Find the picture: relative to the YAML file, or next to it if that came from another machine."""
-    file, moved = path.parent / name, path.parent / PureWindowsPath(name).name
+    file = path.parent / name
+    moved = path.parent / PureWindowsPath(name).name
+
     if os.path.exists(file):  # os.path takes names that no system allows
         return file
     if not os.path.isfile(moved):

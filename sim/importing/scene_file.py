@@ -21,7 +21,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.fitting import fitted
 from sim.importing import dynabarn, meshes, ros_map
 from sim.importing.sdf import read_sdf
-from sim.importing.solids import World, distinct, text
+from sim.importing.solids import World, distinct, raised_floor, text
 from sim.mjcf import load, models_folder
 from sim.mjcf.library import FARTHEST, FINEST, content_of
 from sim.mjcf.load import SMALLER
@@ -96,7 +96,7 @@ def import_world(
     }
     world = read[kind]()
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
-    obstacles, movers = _write(scene, source, target, world.notes, start or world.start)
+    obstacles, movers = _write(scene, source, target, world, (start or world.start, goal or world.goal))
     turns = f"{target}: the scene is for the {ROVER}, which turns on the spot; --robot takes another robot"
     notes = (*world.notes, *([turns] if kind in ("map", "mesh") else []))
     geoms = len(world.solids) + len(world.bodies)
@@ -120,11 +120,11 @@ def _check_world(source: Path, content: bytes) -> None:
 
 
 def _write(
-    scene: str, source: Path, target: Path, notes: Sequence[str], start: Sequence[float] | None
+    scene: str, source: Path, target: Path, world: World, ends: Sequence[Sequence[float] | None]
 ) -> tuple[int, int]:
     """Write a scene next to its target, load it, and let it take the target's place; its obstacles and movers.
 
-    Start and goal must be free for the robot and the margin with which it is planned in.
+    Start and goal, the `ends`, must be free for the robot and the margin with which it is planned in.
     """
     try:
         with tempfile.TemporaryDirectory(prefix=".import-", dir=target.parent) as folder:
@@ -132,13 +132,13 @@ def _write(
             new.write_text(scene, encoding="utf-8")
             robot = ""
             try:
-                loaded = load(new, start=start)
+                loaded = load(new, start=ends[0])
                 found, robot = loaded.scene, f"; its robot is the {loaded.robot}"
                 fitted(found, Collision(found.world, found.footprint))
             except SceneError as error:
                 reason = str(error).removeprefix(f"{new}: ").removeprefix(f"{new.stem}: ").removesuffix(SMALLER)
-                reason = reason.replace(str(new), "as a scene")
-                raise SceneError("; ".join((f"{source}: {reason}{robot}", *notes))) from None
+                reason = raised_floor(world, ends) or reason.replace(str(new), "as a scene")
+                raise SceneError("; ".join((f"{source}: {reason}{robot}", *world.notes))) from None
             new.replace(target)
     except OSError as error:
         raise SceneError(f"{target}: cannot be written ({error.strerror}); choose another folder") from None
@@ -164,11 +164,15 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
 
 def _task(source: Path, world: World, task: Sequence[Sequence[float] | None]) -> tuple[Array, Array]:
     """Start (2,) or (3,) and goal (3,), as given, or else the world's."""
-    start, goal = task[0] or world.start, task[1] or world.goal
+    start = task[0] or world.start
+    goal = task[1] or world.goal
+
     if start is None or goal is None:
         missing = " and ".join(f"the {what}" for what, one in (("start", start), ("goal", goal)) if one is None)
         raise SceneError(f"{source}: this {world.kind} does not name {missing}: give {START} and {GOAL}")
-    place, disc = _numbers(source, START, start, (2, 3)), _numbers(source, GOAL, goal, (3,))
+    place = _numbers(source, START, start, (2, 3))
+    disc = _numbers(source, GOAL, goal, (3,))
+
     if not disc[2] >= FINEST:
         raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive, {FINEST:g} or more")
     return place, disc
@@ -219,7 +223,8 @@ def _workspace(source: Path, world: World, given: Sequence[float] | None, points
     meant = world.ground is not None and (world.kind == "map" or max(np.diff(world.ground)[::2]) <= WIDEST)
     if given is None and not meant:
         points = np.vstack([points, *(solid.pose[None, :2, 3] for solid in world.solids)])
-        low, high = np.floor(points.min(axis=0) - 1), np.ceil(points.max(axis=0) + 1)
+        low = np.floor(points.min(axis=0) - 1)
+        high = np.ceil(points.max(axis=0) + 1)
         why = "a turned map needs" if world.kind == "map" else "no ground plane bounds it: add"
         raise SceneError(f"{source}: {why} {BORDER}, for example {low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}")
     bounds = _numbers(source, BORDER, world.ground if given is None else given, (4,))  # type: ignore[arg-type]

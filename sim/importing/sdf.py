@@ -67,7 +67,11 @@ class Frames:
         self.root, self._path = root, path
         self._parents = {part: parent for parent in root.iter() for part in parent}
         self._poses: dict[ET.Element, Array | None] = {root: np.eye(4)}  # None: being found
-        self.named, self._state, self._states = cache(self._named), cache(self._state_of), cache(self._states_in)
+
+        self.named = cache(self._named)
+        self._state = cache(self._state_of)
+        self._states = cache(self._states_in)
+
         for change in ("insertions", "deletions"):
             if root.find(f"state[1]/{change}/*") is not None:
                 self.refuse(root, f"<state> has <{change}>; save the world anew or remove them")
@@ -121,7 +125,8 @@ class Frames:
 
     def _placed(self, element: ET.Element) -> Array:
         """Work out a pose, in which the state block has the last word."""
-        parent, state = self._parents[element], self._state(element)
+        parent = self._parents[element]
+        state = self._state(element)
         known = None if state is None else state.find("pose")
         if known is not None:
             return self._matrix(known, element)
@@ -200,7 +205,9 @@ class _Reader(Frames):
             self.refuse(scope, f"models are nested deeper than {MOST_NESTED}; flatten them")
         self.named(scope)
         for part in scope:
-            tag, name = part.tag.rpartition("}")[2], part.get("name", "")
+            tag = part.tag.rpartition("}")[2]
+            name = part.get("name", "")
+
             if tag in ("include", "population"):
                 self.refuse(part, f"<{tag}> cannot be taken over; write its models out, or remove it")
             if tag == "actor":
@@ -232,7 +239,8 @@ class _Reader(Frames):
             scale = self._measure(collision, shape, "scale", 3) if shape.findtext("scale") else np.ones(3)
             if shape.find("submesh") is not None:
                 self.refuse(collision, "it is a <submesh>; write a file of its own for it")
-            path, hull = Path(shape.findtext("uri") or ""), shape.get("optimization") == "convex_hull"
+            path = Path(shape.findtext("uri") or "")
+            hull = shape.get("optimization") == "convex_hull"
             parts, rough = self._split(path, tuple(scale.tolist()), hull=hull)
             if rough:
                 self._noted["rough"][name] = rough
@@ -257,7 +265,9 @@ class _Reader(Frames):
 
     def _ground(self, collision: ET.Element, plane: ET.Element) -> list[Array]:
         """Return the rectangle of a ground plane, if it has one; other planes are refused."""
-        normal, pose = numbers(plane.findtext("normal") or "0 0 1", 3), self.pose(collision)
+        normal = numbers(plane.findtext("normal") or "0 0 1", 3)
+        pose = self.pose(collision)
+
         if normal is None or np.linalg.norm(normal) < _LEVEL:
             self.refuse(collision, "its <plane> has no <normal>; write 0 0 1")
         up = pose[:3, :3] @ normal / np.linalg.norm(normal)
@@ -266,5 +276,7 @@ class _Reader(Frames):
         size = numbers(plane.findtext("size"), 2)
         if size is None or not np.all(size > 0):
             return []
-        (x, y), (a, b) = pose[:2, 3], size / 2
+        x, y = pose[:2, 3]
+        a, b = size / 2
+
         return [np.array([x - a, x + a, y - b, y + b])]

@@ -71,7 +71,8 @@ class _Includes:
     def __init__(self, source: Path, folders: Sequence[Path]) -> None:
         self._source, self._folders, self._elements = source, folders, 0
         self._models: dict[Path, ET.Element | None] = {}  # by file; None: being read
-        self._model_file, self._roots = cache(self._first_file), cache(self._roots_around)
+        self._model_file = cache(self._first_file)
+        self._roots = cache(self._roots_around)
 
     def expand(self, element: ET.Element, file: Path) -> None:
         """Replace the includes of a world or model, nested ones as well, and find its collision meshes."""
@@ -168,7 +169,9 @@ class _Includes:
         fuel = _FUEL.fullmatch(rest)
         if scheme not in ("http", "https") or fuel is None:
             self._refuse(uri, file, "names no model on this machine; write model://NAME")
-        name, inner = fuel[1], fuel[2] or ""
+        name = fuel[1]
+        inner = fuel[2] or ""
+
         return [form + inner for form in (name, name.lower(), name.lower().replace(" ", "_"))]
 
     def _roots_around(self, file: Path) -> list[Path]:

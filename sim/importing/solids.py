@@ -1,16 +1,18 @@
 """What importers read: solids in the world, the ground, and notes and options for a scene made of them."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 
 FLAT = 1e-3  # least thickness of a part of a mesh [m]
 LOWEST = 0.01  # robots drive over what is no higher, like carpets and floors [m]
+HIGHEST_FLOOR = 0.5  # of what lies under start and goal [m]
 LOW = f"no higher than {LOWEST:g} m, so driven over and left out: "
 
 
@@ -49,9 +51,44 @@ def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
 
 def is_low(solid: Solid) -> bool:
     """Return whether a solid ends a little above the ground, so that robots drive over it."""
-    up, vertices = solid.pose[2, :3], solid.vertices
-    reach = np.abs(up) @ solid.size if solid.shape == "box" else np.inf
-    return bool(0 < solid.pose[2, 3] + (reach if vertices is None else (vertices @ up).max()) <= LOWEST)
+    return 0 < top_of(solid) <= LOWEST
+
+
+def top_of(solid: Solid) -> float:
+    """Return how high a box or mesh ends [m]; infinite of other shapes."""
+    corners = corners_of(solid)
+    return float(corners[:, 2].max()) if len(corners) else np.inf
+
+
+def corners_of(solid: Solid) -> Array:
+    """Return the corners of a box or mesh in the world, (v, 3) [m]; none of other shapes."""
+    own = np.empty((0, 3)) if solid.vertices is None else solid.vertices
+    if solid.shape == "box":
+        own = solid.size * np.array([*product((-1.0, 1.0), repeat=3)])
+    return own @ solid.pose[:3, :3].T + solid.pose[:3, 3]
+
+
+def raised_floor(world: World, ends: Sequence[Sequence[float] | None]) -> str:
+    """Report a floor above the ground by its name and height; empty without one.
+
+    It is what all `ends` of a task, x and y first [m], have under them at one height.
+    """
+    floors = [one for one in world.solids if LOWEST < top_of(one) <= HIGHEST_FLOOR]
+    under = [{round(top_of(one), 4): one.name for one in floors if _covers(one, end[:2])} for end in ends if end]
+    tops = set.intersection(*map(set, under)) if under else set()
+    if not tops:
+        return ""
+    top = max(tops)
+    return (
+        f'"{under[0][top]}" lies under start and goal and ends {top:g} m above the ground, so that it is an obstacle; '
+        f"if it is a floor, lower the {world.kind} by {top:g} m"
+    )
+
+
+def _covers(solid: Solid, place: Sequence[float]) -> bool:
+    """Return whether a box or mesh lies under or over a place, x and y [m]."""
+    planes = ConvexHull(corners_of(solid)[:, :2]).equations
+    return bool(np.all(planes[:, :2] @ np.array(place) + planes[:, 2] <= 0.0))
 
 
 def as_box(corners: Array) -> tuple[Array, Array] | None:
@@ -66,7 +103,8 @@ def as_box(corners: Array) -> tuple[Array, Array] | None:
     gaps = np.linalg.norm(corners[:, None] - corners[0] - np.array([*product((0.0, 1.0), repeat=3)]) @ frame, axis=2)
     if np.abs(axes @ axes.T - np.eye(3)).max() > FLAT or max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) > FLAT:
         return None
-    pose, second = np.eye(4), axes[1] - axes[0] * (axes[0] @ axes[1])
+    pose = np.eye(4)
+    second = axes[1] - axes[0] * (axes[0] @ axes[1])
     second /= np.linalg.norm(second)
     pose[:3] = np.column_stack([axes[0], second, np.cross(axes[0], second), corners.mean(axis=0)])
     return pose, sizes / 2
@@ -77,18 +115,23 @@ def transform(values: Array, *, degrees: bool = False) -> Array:
     by_angles = len(values) == 6
     turn = Rotation.from_euler("xyz", values[3:], degrees=degrees) if by_angles else Rotation.from_quat(values[3:])
     matrix = np.eye(4)
-    matrix[:3, 3], matrix[:3, :3] = values[:3], turn.as_matrix()
+    matrix[:3, 3] = values[:3]
+    matrix[:3, :3] = turn.as_matrix()
+
     return matrix
 
 
 def distinct(names: Iterable[str], taken: Iterable[str], mark: str = " ", first: int = 2) -> Iterator[str]:
     """Yield names, each with a number where it is taken."""
-    seen, numbers = set(taken), dict[str, int]()
+    seen = set(taken)
+    numbers = dict[str, int]()
+
     for name in names:
         own = name
         while own in seen:
             number = numbers.get(name, first)
-            own, numbers[name] = f"{name}{mark}{number}", number + 1
+            own = f"{name}{mark}{number}"
+            numbers[name] = number + 1
         seen.add(own)
         yield own
 

@@ -21,7 +21,8 @@ class Stance:
     """How states (n,) of these names translate for the robot of a joined model, whose keyframe 0 holds it at rest."""
 
     def __init__(self, model: mujoco.MjModel, states: Sequence[str] = POSE) -> None:
-        self._rest, self._rolls = model.key_qpos[0].copy(), rolls(model)
+        self._rest = model.key_qpos[0].copy()
+        self._rolls = rolls(model)
         self._wheels = model.jnt_dofadr[model.actuator_trnid[:, 0]] if self._rolls else []
         self._places = [states.index(name) for name in POSE if name in states]
         self._dofs = [i for i, name in enumerate(VELOCITIES) if name in states]

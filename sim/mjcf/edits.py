@@ -23,7 +23,11 @@ _KEPT = (
 )  # of a geom that gets a body; its orientation may be in other attributes, too
 _TURNS = ("axisangle", "xyaxes", "zaxis", "euler", "type")
 SITES = {"start": (0.20, 0.45, 0.75, 0.8), "goal": (0.25, 0.65, 0.35, 0.7)}
-FLOOR, WALL, MOVING = (0.83, 0.845, 0.86, 1.0), (0.27, 0.33, 0.42, 1.0), (0.50, 0.36, 0.62, 1.0)
+
+FLOOR = (0.83, 0.845, 0.86, 1.0)
+WALL = (0.27, 0.33, 0.42, 1.0)
+MOVING = (0.50, 0.36, 0.62, 1.0)
+
 PLAIN = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of what has none
 DARK = (0.1, 0.4, 0.5)  # its light at the eye: ambient, diffuse, specular; alone it leaves walls black
 LIGHT = (0.42, 0.42, 0.0)
@@ -32,7 +36,9 @@ LIGHT = (0.42, 0.42, 0.0)
 def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
     """Remove bodies with all that is in them or refers to them; return a line that names what was removed."""
     gone: set[str] = set()
-    names, before = list(dict.fromkeys(names)), len(spec.actuators)
+    names = list(dict.fromkeys(names))
+    before = len(spec.actuators)
+
     for name in names:
         body = spec.body(name) if name != "world" else None
         if body is None and name not in gone:
@@ -64,7 +70,11 @@ def freeze(spec: mujoco.MjSpec, moving: Collection[str], path: Path) -> str:
     roots = sorted({int(model.body_rootid[number]) for number in jointed})
     called = [spec.bodies[root].name or f"unnamed body {root}" for root in roots]
     for number, body in (jointed | {b.id: b for b in spec.bodies if b.mocap and b.name not in moving}).items():
-        holder, place, turn, back = int(model.body_parentid[number]), np.zeros(3), np.zeros(4), np.zeros(4)
+        holder = int(model.body_parentid[number])
+        place = np.zeros(3)
+        turn = np.zeros(4)
+        back = np.zeros(4)
+
         mujoco.mju_negQuat(back, data.xquat[holder])
         mujoco.mju_rotVecQuat(place, data.xpos[number] - data.xpos[holder], back)
         mujoco.mju_mulQuat(turn, back, data.xquat[number])
@@ -96,7 +106,11 @@ def loosen(spec: mujoco.MjSpec) -> None:
             body.pos = np.reshape(own.fromto, (2, 3)).mean(axis=0)
             own.fromto = own.fromto - np.tile(body.pos, 2)
     goal = spec.worldbody.add_body(name=GOAL, mocap=True).add_geom(name=GOAL, type=mujoco.mjtGeom.mjGEOM_CYLINDER)
-    goal.size, goal.rgba, goal.contype, goal.conaffinity = [0.1, 0.01, 0.0], [0.25, 0.65, 0.35, 0.7], 0, 0
+
+    goal.size = [0.1, 0.01, 0.0]
+    goal.rgba = [0.25, 0.65, 0.35, 0.7]
+    goal.contype = 0
+    goal.conaffinity = 0
 
 
 def dress(model: mujoco.MjModel) -> None:
@@ -107,7 +121,8 @@ def dress(model: mujoco.MjModel) -> None:
             model.site_rgba[site, 3], model.site_matid[site] = 0.0, -1
         elif name in SITES and model.site_matid[site] < 0 and plain[site]:
             model.site_rgba[site] = SITES[name]
-    bare, flat = (model.geom_matid < 0) & bare, model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    bare = (model.geom_matid < 0) & bare
+    flat = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     motions = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
     moving = moved_geoms(model, [name.removeprefix(MOTION) for name in motions])
     model.geom_rgba[bare] = np.select([flat[bare, None], moving[bare, None]], [FLOOR, MOVING], WALL)

@@ -11,7 +11,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from difflib import get_close_matches
 from functools import lru_cache
 from html import unescape
 from itertools import chain, product
@@ -26,10 +25,12 @@ from pirrht.arrays import Array
 from pirrht.errors import PirrhtError, SceneError, printable
 from pirrht.geometry.tuning import TUNING
 from sim.files import MISSING, why_unreadable
+from sim.text import suggestion
 
 FARTHEST = TUNING.farthest  # of any coordinate or measure [m] and angle [rad]
 FINEST = 1e-6  # of any measure of an imported file [m]
-LARGEST_TEXT, LARGEST_FILE = 32 * 2**20, 128 * 2**20  # bytes; worlds of the BARN data set have one megabyte
+LARGEST_TEXT = 32 * 2**20  # bytes; worlds of the BARN data set have one megabyte
+LARGEST_FILE = 128 * 2**20  # bytes
 MOST_PARTS = 60_000  # bodies, geoms and sites of an MJCF file with all that it includes: MuJoCo takes 7 s for them
 MOST_OF = {b"count": 10_000, b"dim": 10**6, b"nrow": 2**24, b"ncol": 2**24, b"width": 2**26, b"height": 2**26}
 MOST_PLACES = 100_000  # where named files are searched
@@ -75,9 +76,8 @@ def find(kind: str, which: str | Path) -> Path:
         return models_folder() / (kind + "s") / f"{which}.xml"
     path = Path(which)
     if why_unreadable(path) == MISSING:
-        close = get_close_matches(str(which), names, 1)
-        meant, what = f"did you mean {close[0]}? Else " if close else "", "file" if path.suffix else kind
-        raise SceneError(f"{path}: no such {what}; {meant}give the path of an MJCF file or one of {', '.join(names)}")
+        what = f"{'file' if path.suffix else kind}{suggestion(which, names)}"
+        raise SceneError(f"{path}: no such {what}; give the path of an MJCF file or one of {', '.join(names)}")
     return path
 
 
@@ -163,8 +163,13 @@ def check(path: Path) -> None:
 
     Names are searched wherever MuJoCo might; what does not exist is left to it.
     """
-    waiting, seen, names = [path], {path}, dict[str, Path]()
-    bases, folders = {path.parent}, {""}
+    waiting = [path]
+    seen = {path}
+    names = dict[str, Path]()
+
+    bases = {path.parent}
+    folders = {""}
+
     while waiting:
         file = waiting.pop()
         bases.add(file.parent)

@@ -20,6 +20,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.obstacle import Motion
 from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf import obstacles
 from sim.mjcf.coordinates import Stance
@@ -30,7 +31,7 @@ from sim.mjcf.robot import Robot, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
 from sim.systems import POSE
-from sim.text import counted
+from sim.text import counted, suggestion
 
 _FROM_ROBOT = (
     *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
@@ -84,20 +85,17 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     Raises:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
     """
-    task, path = SceneOptions(**options), find("scene", scene)
-    spec, faults = parse(path), Faults()
+    task = SceneOptions(**options)
+    path = find("scene", scene)
+    spec = parse(path)
+    faults = Faults()
+
     with prefixed(f"{path}: "):
-        notes = [leave_out(spec, task.without)] if task.without else []
-        motions = obstacles.read_motions(spec)
-        if task.freeze:
-            notes.append(freeze(spec, motions, path))
-        if loose:
-            loosen(spec)
+        motions, notes = _edited(spec, task, path, loose=loose)
         about, meant, defaults = faults.of(_custom, spec) or ("", DEFAULT, {})
     radius = defaults.get("radius") if task.radius is None else task.radius
     margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
     robot = read_robot(task.robot or meant, radius, task.system, margin=margin)
-    states = robot.system.states
     with prefixed(f"{path}: "):
         model = _join(spec, robot, path)
         data = mujoco.MjData(model)
@@ -107,41 +105,46 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         span = max(robot.height - robot.radius, 0.0), robot.height + robot.radius
         solids = obstacles.read_obstacles(model, data, mine, span, faults)
         borders = faults.of(obstacles.read_workspace, model, data, task.workspace)
-        goal, start = faults.of(_goal, model, data, task.goal), faults.of(_start, model, data, task.start)
+        goal = faults.of(_goal, model, data, task.goal)
+        start = faults.of(_start, model, data, task.start)
         faults.refuse()
         assert borders is not None and goal is not None and start is not None  # noqa: PT018
         if concave := obstacles.concave_meshes(model, solids):
             called = listed([*concave.values()])
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
-        moving, movers = obstacles.moved_geoms(model, motions), obstacles.read_movers(model, data, motions, solids)
+        moving = obstacles.moved_geoms(model, motions)
+        movers = obstacles.read_movers(model, data, motions, solids)
         values = Scene(
             name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, robot_radius=robot.radius,
             obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
             robot_height=robot.height, margin=max(robot.radius - robot.reach, 0.0), defaults=defaults,
         )  # fmt: skip
-        clearance, body = obstacles.clearance_at_start(values)
-        if clearance <= 0.0:
-            if (left := margin + clearance) > 0.0:
-                return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
-            elsewhere = 'move site "start"' if task.start is None else "choose another --start"
-            raise SceneError(
-                f'at the start ({start[0]:g}, {start[1]:g}) the robot touches body "{body}" (by {-clearance:.3g} m), '
-                f"and it moves: {elsewhere}, or write another first row of its motion"
-            )
+        if (left := _margin_left(values, margin, task)) is not None:
+            return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
         mask = np.isin(np.arange(model.ngeom), [*solids])
         model.geom_contype[~(mask | mine)] = model.geom_conaffinity[~(mask | mine)] = 0  # the robot touches these alone
         model.geom_margin[:] = model.geom_gap[:] = 0  # which the planner does not know
-        model.key_qpos[0] = robot.rest
-        place = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
-        Stance(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
-        model.key_qpos[0] = data.qpos
+        _place(model, data, robot, start)
         _check_start(model, data, mask, concave, task)
     return Loaded(
         scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
-        dynamics_name=robot.system.name, states=states, command=robot.command, robot=robot.name, margin=margin,
+        dynamics_name=robot.system.name, states=robot.system.states, command=robot.command, robot=robot.name,
         meant=read_robot(meant, None).system.name if task.robot or task.system is not None else robot.system.name,
-        notes=tuple(note for note in notes if note), unfit=robot.unfit,
+        notes=tuple(note for note in notes if note), unfit=robot.unfit, margin=margin,
     )  # fmt: skip
+
+
+def _edited(
+    spec: mujoco.MjSpec, task: SceneOptions, path: Path, *, loose: bool
+) -> tuple[dict[str, Motion], list[str]]:  # fmt: skip
+    """Leave out, weld or loosen bodies of a spec; return its motions by body, and notes."""
+    notes = [leave_out(spec, task.without)] if task.without else []
+    motions = obstacles.read_motions(spec)
+    if task.freeze:
+        notes.append(freeze(spec, motions, path))
+    if loose:
+        loosen(spec)
+    return motions, notes
 
 
 def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
@@ -162,6 +165,29 @@ def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     return compile_spec(spec, path)
 
 
+def _margin_left(scene: Scene, margin: float, task: SceneOptions) -> float | None:
+    """Return what a moving obstacle leaves of a margin at the start [m]; None: all. SceneError: they collide."""
+    clearance, body = obstacles.clearance_at_start(scene)
+    if clearance > 0.0:
+        return None
+    if (left := margin + clearance) > 0.0:
+        return left
+    elsewhere = 'move site "start"' if task.start is None else "choose another --start"
+    raise SceneError(
+        f'at the start ({scene.start[0]:g}, {scene.start[1]:g}) the robot touches body "{body}" (by {-clearance:.3g} '
+        f"m), and it moves: {elsewhere}, or write another first row of its motion"
+    )
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Array) -> None:
+    """Make the keyframe in which the robot is at rest at a start (3,) [m, m, rad]."""
+    states = robot.system.states
+    model.key_qpos[0] = robot.rest
+    place = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
+    Stance(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
+    model.key_qpos[0] = data.qpos
+
+
 def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
     if model.nu != own:
         names = [model.actuator(i).name for i in range(model.nactuator)]
@@ -180,13 +206,16 @@ def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
         for name in elements:
             if name.startswith("pirrht_") and name not in known:
                 these = f"{', '.join(known)}, and {MOTION}BODY is the motion of a body"
-                raise SceneError(f'custom {kind} "{name}" is no option; those are {these}')
+                raise SceneError(f'custom {kind} "{name}" is no option{suggestion(name, known)}; those are {these}')
     about, robot = (" ".join(str(texts[n].data).split()) if n in texts else "" for n in (ABOUT, "pirrht_robot"))
     if (robot or DEFAULT) not in robot_names():
-        raise SceneError(f'custom text "pirrht_robot" is "{robot}"; write one of {", ".join(robot_names())}')
+        like = suggestion(robot, robot_names())
+        raise SceneError(f'custom text "pirrht_robot" is "{robot}"{like}; write one of {", ".join(robot_names())}')
     defaults = {}
     for name in (name for name in numerics if name in options):
-        label, values = f'custom numeric "{name}"', list(numerics[name].data)
+        label = f'custom numeric "{name}"'
+        values = list(numerics[name].data)
+
         if len(values) != 1 or isnan(values[0]):
             raise SceneError(f"{label} is {values}; write one finite number")
         with refused("", "", OptionError):
@@ -200,7 +229,9 @@ def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | N
     if given is None and site < 0:
         raise SceneError(f'no site "goal"; add {remedy} or give --goal X Y R')
     if given is None:
-        kind, upright = _GEOM(int(model.site_type[site])), abs(data.site_xmat[site, 8]) >= 1 - 1e-6
+        kind = _GEOM(int(model.site_type[site]))
+        upright = abs(data.site_xmat[site, 8]) >= 1 - 1e-6
+
         if kind != _GEOM.mjGEOM_SPHERE and not (kind == _GEOM.mjGEOM_CYLINDER and upright):
             raise SceneError(f'site "goal" is no sphere or upright cylinder; write {remedy}')
         given = [*data.site_xpos[site, :2], model.site_size[site, 0]]
@@ -231,7 +262,8 @@ def _check_start(
     mujoco.mj_fwdPosition(model, data)
     touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if solid[g]]
     if touched:
-        (x, y), geom = model.key_qpos[0, :2], int(touched[0])
+        x, y = model.key_qpos[0, :2]
+        geom = int(touched[0])
         label, body = geom_label(model, geom), model.body(model.body_rootid[model.geom_bodyid[geom]]).name
         if geom in concave:
             label = f"the convex hull of {concave[geom]}, with which MuJoCo collides: {DECOMPOSE}"

@@ -127,7 +127,9 @@ def _refuse_moving(model: mujoco.MjModel, robot: Mask) -> None:
 
 def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Obstacle | None:
     """The plain values of a geom; None for a horizontal floor."""
-    label, shape = geom_label(model, geom), _GEOM(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
+    label = geom_label(model, geom)
+    shape = _GEOM(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
+
     if shape == "plane":
         if data.geom_xmat[geom, 8] > _UP and data.geom_xpos[geom, 2] <= _TOUCH:
             return None
@@ -149,7 +151,10 @@ def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Obstacle
 
 def _height_range(obstacle: Obstacle) -> tuple[float, float]:
     """Lowest and highest point [m]."""
-    up, size, middle = obstacle.rotation[2], obstacle.size, float(obstacle.position[2])
+    up = obstacle.rotation[2]
+    size = obstacle.size
+    middle = float(obstacle.position[2])
+
     if obstacle.vertices is not None:
         heights = obstacle.vertices @ up
         return middle + float(heights.min()), middle + float(heights.max())
@@ -218,7 +223,8 @@ def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
 
 def _motion(spec: mujoco.MjSpec, name: str, data: Array, repeat: bool) -> Motion:
     """The motion that a numeric of that name gives a body, which must be able to move so."""
-    label, called = f'custom numeric "{name}"', name.removeprefix(MOTION)
+    label = f'custom numeric "{name}"'
+    called = name.removeprefix(MOTION)
     body, why = spec.body(called), ""
     if body is None:
         why = "is not there"
@@ -254,7 +260,8 @@ def read_movers(
     movers = []
     for name, motion in motions.items():
         body = int(model.body(name).id)
-        (x, y, z), yaw = data.xpos[body].tolist(), heading_of(data.xquat[body])
+        x, y, z = data.xpos[body].tolist()
+        yaw = heading_of(data.xquat[body])
         _, x0, y0, yaw0 = motion.rows[0]
         if max(abs(x0 - x), abs(y0 - y)) > NEAR or abs(remainder(yaw0 - yaw, tau)) > TURNED:
             raise SceneError(

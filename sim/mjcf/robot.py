@@ -55,18 +55,8 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     path = find("robot", which)
     spec = parse(path)
     with prefixed(f"{path}: "):
-        body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
-        foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
-        if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
-            lacking = 'body "robot" in its worldbody' if body is None else 'sphere geom "footprint" in its body "robot"'
-            form = 'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear'
-            raise SceneError(f"this file has no {lacking}; add it: {form}")
-        called = next((str(text.data) for text in spec.texts if text.name == "pirrht_dynamics"), None)
-        if system is None and called not in names():
-            found, wanted = f'"{called}"', " or ".join(f'"{known}"' for known in names())
-            must = f"{'missing' if called is None else found}; write {wanted}, or choose a system with --system"
-            raise SceneError(f'custom text "pirrht_dynamics" is {must}')
-        moved = named(str(called)) if system is None else system
+        body, foot = _body_and_footprint(spec)
+        moved = _declared_system(spec) if system is None else system
         if radius is not None:
             _resize(spec, body, foot, radius)
         if margin > 0.0:
@@ -84,6 +74,27 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         )  # fmt: skip
 
 
+def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.MjsGeom]:
+    """Return the body `robot` of a file and the sphere geom `footprint` in it; SceneError: one of them is not there."""
+    body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
+    foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
+    if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
+        lacking = 'body "robot" in its worldbody' if body is None else 'sphere geom "footprint" in its body "robot"'
+        form = 'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear'
+        raise SceneError(f"this file has no {lacking}; add it: {form}")
+    return body, foot
+
+
+def _declared_system(spec: mujoco.MjSpec) -> System:
+    """Return the system that a file names; SceneError: it names none that is known."""
+    called = next((str(text.data) for text in spec.texts if text.name == "pirrht_dynamics"), None)
+    if called not in names():
+        wanted = " or ".join(f'"{known}"' for known in names())
+        found = "missing" if called is None else f'"{called}"'
+        raise SceneError(f'custom text "pirrht_dynamics" is {found}; write {wanted}, or choose a system with --system')
+    return named(called)
+
+
 def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) -> tuple[Array, Array]:
     """Least and greatest control (m,) that no actuator cuts off at its ctrlrange; infinite where none would.
 
@@ -94,17 +105,22 @@ def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) ->
     rates = dynamics.idle(x) + np.vstack([np.zeros(dynamics.m), per_control])
     still, *moved = (command @ dynamics.twist(x, rate) for rate in rates)
     slopes = np.column_stack(moved) - still[:, None]
-    low, high = np.full(dynamics.m, -np.inf), np.full(dynamics.m, np.inf)
+    low = np.full(dynamics.m, -np.inf)
+    high = np.full(dynamics.m, np.inf)
+
     for i in np.flatnonzero(model.actuator_ctrllimited & (np.count_nonzero(slopes, axis=1) == 1)):
         j = np.flatnonzero(slopes[i])[0]
         least, most = np.sort((model.actuator_ctrlrange[i] - still[i]) / slopes[i, j])
-        low[j], high[j] = max(low[j], least), min(high[j], most)
+        low[j] = max(low[j], least)
+        high[j] = min(high[j], most)
     return low, high
 
 
 def _resize(spec: mujoco.MjSpec, body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float) -> None:
     """A robot that collides with its footprint grows as a whole; for any other only the footprint does."""
-    ratio, scaled = radius / foot.size[0], [(foot, "size")]
+    ratio = radius / foot.size[0]
+    scaled = [(foot, "size")]
+
     if foot.contype or foot.conaffinity:
         scaled = [*product(spec.meshes, ["scale"]), *product(body.find_all("body"), ["pos"])]
         scaled += product(body.find_all("geom"), ["size", "pos"])
@@ -116,7 +132,10 @@ def _widen(body: mujoco.MjsBody, foot: mujoco.MjsGeom, margin: float) -> None:
     """Plans keep a distance [m]; where the footprint was what collides, a ball of its size inside it is now."""
     if foot.contype or foot.conaffinity:
         body.add_geom(name="inner footprint", **{name: getattr(foot, name) for name in _INNER})
-        foot.contype, foot.conaffinity, foot.mass, foot.density = 0, 0, 0.0, 0.0
+        foot.contype = 0
+        foot.conaffinity = 0
+        foot.mass = 0.0
+        foot.density = 0.0
     foot.size = np.asarray(foot.size) + margin * np.array([1.0, 0.0, 0.0])
 
 
@@ -138,34 +157,46 @@ def _check_joints(model: mujoco.MjModel, system: System) -> str:
 
     Returns why they are not those of the states of a system; nothing if they are.
     """
-    root, count, wheeled = model.body("robot"), len(system.joints), rolls(model)
-    has = 3 if wheeled else model.nq
-    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][:has]
-    jointed = has in (2, 3) and list(model.jnt_type) == types and not np.any(model.qpos0)
-    ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
-    plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
-    hinged = model.jnt_type[model.actuator_trnid[:, 0]] == _JOINT.mjJNT_HINGE
+    root = model.body("robot")
+    if not (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0])):
+        raise SceneError('body "robot" must stand at the origin')
+    turns = "heading" in system.joints
+    if rolls(model):
+        _check_wheels(model)
+        no = f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'
+        return "" if turns else no
     joints = (
         f'body "robot" must have these joints, without ref, for the states ({", ".join(system.states)}) of '
         f"{system.name}: slide along x, slide along y"
-        + (", hinge about z; or a free joint and wheels" if count == 3 else "")
+        + (", hinge about z; or a free joint and wheels" if turns else "")
     )
-    for good, wanted in (
-        (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0]), 'body "robot" must stand at the origin'),
-        (wheeled or (jointed and np.allclose(model.jnt_axis, np.eye(3)[:has]) and not np.any(model.jnt_pos[:, :2])),
-         joints),
-        (not wheeled or int(model.jnt_bodyid[0]) == root.id, 'body "robot" must have the free joint itself'),
-        (not wheeled or (plane and not (model.geom_contype[ground] or model.geom_conaffinity[ground])),
-         f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
-         "which wheels meet in contact pairs"),
-        (not wheeled or np.all((model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & hinged),
-         "every actuator of a robot on wheels must drive a hinge joint"),
-    ):  # fmt: skip
-        if not good:
-            raise SceneError(wanted)
-    if wheeled and count != has:
-        return f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'
-    return "" if count == has else joints
+    if not _slides(model):
+        raise SceneError(joints)
+    return "" if model.nq == len(system.joints) else joints
+
+
+def _slides(model: mujoco.MjModel) -> bool:
+    """Return whether a robot slides along x and y, perhaps turns about z at its origin, and has no other joint."""
+    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][: model.nq]
+    if model.nq < 2 or list(model.jnt_type) != types or np.any(model.qpos0):
+        return False
+    return np.allclose(model.jnt_axis, np.eye(3)[: model.nq]) and not np.any(model.jnt_pos[:, :2])
+
+
+def _check_wheels(model: mujoco.MjModel) -> None:
+    """Refuse a robot on wheels whose free joint, ground or actuators are not as they must be."""
+    if int(model.jnt_bodyid[0]) != model.body("robot").id:
+        raise SceneError('body "robot" must have the free joint itself')
+    ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
+    plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
+    if not plane or model.geom_contype[ground] or model.geom_conaffinity[ground]:
+        raise SceneError(
+            f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
+            "which wheels meet in contact pairs"
+        )
+    hinged = model.jnt_type[model.actuator_trnid[:, 0]] == _JOINT.mjJNT_HINGE
+    if not np.all((model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & hinged):
+        raise SceneError("every actuator of a robot on wheels must drive a hinge joint")
 
 
 def _rest(model: mujoco.MjModel) -> Array:
@@ -186,9 +217,12 @@ def _rest(model: mujoco.MjModel) -> Array:
 
 def _checked_reach(model: mujoco.MjModel) -> float:
     """Distance from the footprint's centre to the farthest point of what collides, which lies inside it [m]."""
-    foot, data = int(model.geom("footprint").id), mujoco.MjData(model)
+    foot = int(model.geom("footprint").id)
+    data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    centre, radius = data.geom_xpos[foot], float(model.geom_size[foot, 0])
+    centre = data.geom_xpos[foot]
+    radius = float(model.geom_size[foot, 0])
+
     if np.any(np.abs(centre[:2]) > 1e-9):
         raise SceneError('geom "footprint" must lie above its body\'s origin; write pos="0 0 z"')
     solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
@@ -205,7 +239,8 @@ def _checked_reach(model: mujoco.MjModel) -> float:
 
 def _reach(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array) -> float:
     """Distance from `centre` to the farthest point of the geom, or a bound of it [m]."""
-    kind, size = _GEOM(int(model.geom_type[geom])), model.geom_size[geom]
+    kind = _GEOM(int(model.geom_type[geom]))
+    size = model.geom_size[geom]
     offset = (centre - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
     if kind == _GEOM.mjGEOM_MESH:
         return float(np.linalg.norm(mesh_of(model, geom)[0] - offset, axis=1).max())
@@ -264,7 +299,11 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     x[[dynamics.states.index(name) for name in names]] = 1.0
     names += ["heading"] if "speed" in names else []
     kept = [dynamics.states.index(name) for name in names]
-    h, still, stance = model.opt.timestep, np.zeros(dynamics.m), Stance(model, dynamics.states)
+
+    h = model.opt.timestep
+    still = np.zeros(dynamics.m)
+    stance = Stance(model, dynamics.states)
+
     for u in np.vstack([still, np.eye(dynamics.m)]) / max(1.0, float(np.abs(dynamics.G_c(x)).max())):
         ctrl = command.dot(dynamics.twist(x, dynamics.rate(x, u, still, h)))
         data = mujoco.MjData(model)

@@ -213,7 +213,10 @@ class InteractivePlant(Executor):
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, under a push if somebody pushes."""
-        force, push, mass = self.data.xfrc_applied[self._robot], self._push, self._model.body_subtreemass[self._robot]
+        force = self.data.xfrc_applied[self._robot]
+        push = self._push
+        mass = self._model.body_subtreemass[self._robot]
+
         force[:] = 0.0
         if push is not None and self.time - step >= push.at + push.lasts - 1e-9:
             self._push = push = None

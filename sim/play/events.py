@@ -87,13 +87,16 @@ def _event(where: str, step: Any) -> Event:
     kinds = [kind for kind in _KINDS if isinstance(step, Mapping) and kind in step]
     if len(kinds) != 1:
         raise OptionError(f"{where} is not one of push, move and noise; write it as in {FORM}")
-    made, keys = _KINDS[kinds[0]][0], _KINDS[kinds[0]][1].split()
+    made = _KINDS[kinds[0]][0]
+    keys = _KINDS[kinds[0]][1].split()
+
     for name in sorted(set(step) - set(keys)):
         raise OptionError(f'{where} has "{name}"; a {kinds[0]} has {", ".join(keys)}')
 
     values: dict[str, Any] = {}
     for name in {"at", *step} & _NUMBERS.keys():
-        (count, low, high), value = _NUMBERS[name], step.get(name)
+        count, low, high = _NUMBERS[name]
+        value = step.get(name)
         found = value if count > 1 and isinstance(value, list) else [value]
         if len(found) != count or not all(type(one) in (int, float) and low <= one <= high for one in found):
             required = f"{'a number' if count == 1 else 'two numbers [x, y]'} from {low:g} to {high:g}"

@@ -25,7 +25,12 @@ REFRESH = 1.0 / 60.0  # [s]
 PATIENCE = 3.0  # with a window that is to close [s]
 PULL, PULLED = 4.0, 3.0  # speed per distance from the cursor [1/s], at most [m/s]
 LASTS = 0.1  # of a pull, after which it is repeated [s]
-LESS, MORE, HOME = ord("8"), ord("9"), 268  # keys of the viewer: 8, 9 and Home
+
+# Keys of the viewer: 8, 9 and Home
+LESS = ord("8")
+MORE = ord("9")
+HOME = 268
+
 FACTOR = 1.25  # of noise per stroke
 KEYS = "8 less noise, 9 more; Home: back to the start"
 
@@ -45,7 +50,8 @@ class Window:
         self._robot = int(model.body(ROBOT).id)
         self._names = {body: name for name, body in loose_bodies(model).items()}
         self._held: int | None = None  # body that is dragged
-        self._place, self._cursor = np.zeros(2), np.zeros(3)  # where it was taken, and the cursor then [m]
+        self._place = np.zeros(2)  # where it was taken [m]
+        self._cursor = np.zeros(3)  # the cursor then [m]
         self._there = np.zeros(2)  # where it is dragged to [m]
         self.home = False  # whether the key Home was struck
         self._ended = threading.Event()
@@ -98,10 +104,13 @@ class Window:
             return [Move(at=0.0, what=name, to=(x, y))]
         if body is None or not (body == self._robot or body in self._names):
             return []
-        place, cursor = np.array(self.data.xpos[body, :2]), np.array(perturb.refpos, dtype=float)
+        place = np.array(self.data.xpos[body, :2])
+        cursor = np.array(perturb.refpos, dtype=float)
+
         if self._held is None:
             self._held, self._place, self._cursor = body, place, cursor
-        gone, ahead = cursor - self._cursor, np.radians(self.handle.cam.azimuth)
+        gone = cursor - self._cursor
+        ahead = np.radians(self.handle.cam.azimuth)
         up = np.array([np.cos(ahead), np.sin(ahead)])  # in the picture: away from the camera
         self._there = self._place + gone[:2] + gone[2] * up
         if body != self._robot:

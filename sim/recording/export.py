@@ -74,7 +74,9 @@ def read(file: Path) -> Recording:
             if chunk.entity_path == SETTINGS:
                 settings |= {name: value[0] for name, value in cells.items()}
                 continue
-            step, known = row["step"], (row["sim_time"].total_seconds(), cells)
+            step = row["step"]
+            known = (row["sim_time"].total_seconds(), cells)
+
             if "Scalars:scalars" in cells:
                 plan_ms[step] = cells["Scalars:scalars"][0]
             elif chunk.entity_path == TIMING:
@@ -146,7 +148,9 @@ def _by_place(column: Column, recording: Recording) -> Table:
 
 def write(file: Path, columns: Table, recording: Recording) -> None:
     """Write a recording's table, described, in the format of the file's ending; an OptionError if that fails."""
-    ids, about = {title(name): name for name in recording.classes}, {}
+    ids = {title(name): name for name in recording.classes}
+    about = {}
+
     for name in columns:
         c = next(c for c in COLUMNS if re.fullmatch(c.name.replace("_K", r"_\d+").replace(":ID", ":.+"), name))
         about[name] = {"unit": c.unit, "text": c.text}

@@ -68,7 +68,9 @@ def solids(model: mujoco.MjModel, chosen: Mask, body: str | None = None) -> dict
 
 
 def _primitives(model: mujoco.MjModel, data: mujoco.MjData, group: NDArray[np.int64], kind: str) -> rr.AsComponents:
-    size, quaternions = model.geom_size[group], np.zeros((len(group), 4))
+    size = model.geom_size[group]
+    quaternions = np.zeros((len(group), 4))
+
     for row, geom in zip(quaternions, group, strict=True):
         mujoco.mju_mat2Quat(row, data.geom_xmat[geom])
     look = {
@@ -92,7 +94,8 @@ def _primitives(model: mujoco.MjModel, data: mujoco.MjData, group: NDArray[np.in
 def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsComponents:
     """A mesh with its normals, without which the viewer draws it flat; corners that share both are one."""
     mesh, turn = int(model.geom_dataid[geom]), data.geom_xmat[geom].reshape(3, 3).T
-    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    first = int(model.mesh_faceadr[mesh])
+    count = int(model.mesh_facenum[mesh])
     vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
     normals = model.mesh_normal[model.mesh_normaladr[mesh] :][: model.mesh_normalnum[mesh]]
     corners = np.stack([model.mesh_face[first:][:count], model.mesh_facenormal[first:][:count]], axis=-1)
@@ -107,7 +110,9 @@ def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsCompone
 
 def rgba_of(model: mujoco.MjModel, geom: int) -> tuple[int, int, int, int]:
     """Colour of a geom as MuJoCo would draw it, textures aside, 0..255."""
-    rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    rgba = model.geom_rgba[geom]
+    material = int(model.geom_matid[geom])
+
     if material >= 0 and np.allclose(rgba, _UNSET):
         rgba = model.mat_rgba[material]
     red, green, blue, alpha = (round(255 * float(c)) for c in rgba)
@@ -161,9 +166,12 @@ class RobotPoses:
     def at(self, states: Array) -> Array:
         """Poses (k, 7) of the root in states (k, n): x, y, z [m] and a quaternion, w last."""
         poses = np.empty((len(states), 7))
-        still, rest = np.zeros(2), np.zeros(self._model.nu)
+        still = np.zeros(2)
+        rest = np.zeros(self._model.nu)
+
         for pose, state in zip(poses, states, strict=True):
             self._stance.place(self._data, state, still, rest)
             mujoco.mj_kinematics(self._model, self._data)
-            pose[:3], pose[3:] = self._data.xpos[self._root], np.roll(self._data.xquat[self._root], -1)
+            pose[:3] = self._data.xpos[self._root]
+            pose[3:] = np.roll(self._data.xquat[self._root], -1)
         return poses

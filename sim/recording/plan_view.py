@@ -32,7 +32,12 @@ MEANS, HEAVY = 6, 0.01  # classes whose mean path is drawn: at most, and from th
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 THREADS, BEADS = 24, 12  # samples in space and time at most, and points of each
 TICKS = 8  # seconds that are named, at most
-BODY, WALL, ARRIVAL = (*MOVER, 20), (*BORDER, 12), (*GOAL, 16)  # see-through
+
+# See-through:
+BODY = (*MOVER, 20)
+WALL = (*BORDER, 12)
+ARRIVAL = (*GOAL, 16)
+
 NO_FAN = Fan(strips=np.empty((0, 2, 3), np.float32), moments=np.empty((0, 2)), opacity=np.empty(0))
 
 
@@ -42,7 +47,8 @@ class Pictures:
     def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._fans: set[str] = set()
-        self._now, self._sizes = (0, 0.0), list[float]()  # moment and square roots of weights of the plan drawn
+        self._now = (0, 0.0)  # moment of the plan drawn
+        self._sizes = list[float]()  # square roots of its weights
         self._reached = 0.0  # until when there are tubes [s]
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
@@ -85,7 +91,8 @@ class Pictures:
             integral = self._subject.path_integral
             fans = strokes.fans(integral, plan.estimate, plan.classes, points=most, everything=everything)
         for name in [*sorted(self._fans - fans.keys()), *fans]:
-            fan, dead = fans.get(name, NO_FAN), name == DEAD
+            fan = fans.get(name, NO_FAN)
+            dead = name == DEAD
             opacity = np.full(len(fan.strips), 0.5) if dead else 0.25 + 0.75 * fan.opacity
             shades = fade(DEAD_COLOR if dead else self._colors[name], FLOOR, opacity)
             self._strips(str(rr.new_entity_path(["world", "samples", name])), fan.strips, shades, 0.006)
@@ -105,7 +112,8 @@ class Pictures:
         self._strips("/world/ways", strips, colors, radii)
 
     def _references(self, plan: Plan, lines: Sequence[Array]) -> None:
-        colors, radii = [self._colors[name] for name in plan.ids], [0.008 + 0.024 * size for size in self._sizes]
+        colors = [self._colors[name] for name in plan.ids]
+        radii = [0.008 + 0.024 * size for size in self._sizes]
         self._strips("/world/references", [lift(line, 0.05) for line in lines], colors, radii)
         few = plan.references[:LIFTED]
         chosen = [(r, strokes.even(line, LIFTED_POINTS)) for r, line in zip(few, lines, strict=False)]
@@ -122,7 +130,8 @@ class Pictures:
         lines = [at_most(strokes.timed(one, plan.time), KNOTS) for one in plan.references]
         self.reach(max([self._now[1], *(float(line[-1, 2]) for line in lines)]))
         braids = [self.raised(line) for line in lines]
-        colors, radii = [self._colors[name] for name in plan.ids], [0.018 + 0.03 * size for size in self._sizes]
+        colors = [self._colors[name] for name in plan.ids]
+        radii = [0.018 + 0.03 * size for size in self._sizes]
         self._strips(f"{TIMES}/braids", braids, colors, radii)
         self._label(f"{TIMES}/names", labels, plan, braids)
         alive = {name: fan for name, fan in fans.items() if name != DEAD}

@@ -20,6 +20,7 @@ from pirrht.geometry.shapes import Solids, distances
 from pirrht.outcome import Outcome
 from pirrht.topology.signature import class_id
 from sim.drawing.colors import sides, title, worded
+from sim.drive.metrics import why_blocked
 
 TRACED = 48  # samples whose ends are examined
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
@@ -37,8 +38,14 @@ def touched(space: FreeSpace, names: Names, movers: Sequence[Mover], places: Arr
     gaps += [collision.obstacle_distance(k, places) for k in range(len(names))]
     for mover in movers:
         x, y, yaw = mover.motion.pose(times).T
-        dx, dy, c, s = places[:, 0] - x, places[:, 1] - y, np.cos(yaw), np.sin(yaw)
-        own, gap = np.column_stack([c * dx + s * dy, c * dy - s * dx]), np.empty(len(places))
+
+        dx = places[:, 0] - x
+        dy = places[:, 1] - y
+        c = np.cos(yaw)
+        s = np.sin(yaw)
+
+        own = np.column_stack([c * dx + s * dy, c * dy - s * dx])
+        gap = np.empty(len(places))
         distances(Solids.of(mover.solids), np.arange(len(mover.solids)), own, collision.footprint.height, gap)
         gaps.append(gap)
     named = [BORDER, *names, *(mover.name for mover in movers)]
@@ -71,7 +78,9 @@ def arriving(estimate: Estimate, ids: Names) -> dict[str, float]:
 
 def _shares(estimate: Estimate, ids: Names, of: Callable[[Any], Any]) -> dict[str, float]:
     """Average something of paths over the samples drawn around each reference."""
-    total, number = np.zeros(len(ids)), np.zeros(len(ids))
+    total = np.zeros(len(ids))
+    number = np.zeros(len(ids))
+
     for part in estimate.parts:
         first = part.tables.first[: len(ids) + 1]
         total += np.diff(np.concatenate([[0.0], np.cumsum(of(part.paths), dtype=float)])[first])
@@ -93,9 +102,12 @@ def reasons(
     alive, errors = arriving(estimate, plan.ids), estimate.class_weight_errors
     late = _shares(estimate, plan.ids, lambda paths: paths.outcome == Outcome.TIMEOUT)
     where = _places(plan, estimate, path_integral, solids)
-    drawn, found = sum(part.size for part in estimate.parts), []
+    drawn = sum(part.size for part in estimate.parts)
+    found = []
+
     for reference, name in zip(plan.references, plan.ids, strict=True):
-        weight, size = estimate.class_weights.get(name, 0.0), estimate.class_ess.get(name, 0.0)
+        weight = estimate.class_weights.get(name, 0.0)
+        size = estimate.class_ess.get(name, 0.0)
         found.append(Reason(
             name=name, way=ways[name], cost=reference.cost, weight=weight, late=late.get(name, 0.0),
             weight_error=errors.get(name), samples=size,
@@ -134,12 +146,15 @@ def words_of(plan: Plan, path_integral: PathIntegral, names: Names) -> dict[str,
 def _places(plan: Plan, estimate: Estimate, path_integral: PathIntegral, solids: Names) -> dict[str, str]:
     """Name what the samples drawn around each reference hit most often."""
     rollouts, first = estimate.rollouts, estimate.rollouts.tables.first
-    found, each = {}, max(4, TRACED // max(1, len(plan.ids)))
+    found = {}
+    each = max(4, TRACED // max(1, len(plan.ids)))
+
     for h, name in enumerate(plan.ids):
         dead = first[h] + np.flatnonzero(rollouts.paths.outcome[first[h] : first[h + 1]] == Outcome.COLLISION)[:each]
         if len(dead):
             states, steps = path_integral.replay.trace(rollouts, dead)
-            ends, times = states[np.arange(len(dead)), steps, :2], plan.time + rollouts.tables.times[steps]
+            ends = states[np.arange(len(dead)), steps, :2]
+            times = plan.time + rollouts.tables.times[steps]
             found[name] = Counter(touched(path_integral.space, solids, plan.movers, ends, times)).most_common(1)[0][0]
     return found
 
@@ -150,7 +165,7 @@ def page(plan: Plan, reasons: Sequence[Reason], time: float) -> str:
     if estimate is None:
         why = "the exact solution is followed" if plan.exact is not None else "no samples"
         if plan.fallback is not None:
-            why = f"blocked, {plan.fallback}: {'braking' if plan.stops else 'the longest free path is taken'}"
+            why = f"blocked, {why_blocked(plan)}"
         value = "" if plan.exact is None else f" Exact value {plan.exact:.2f}."
         return f"**At {time:.2f} s: {why}.**{value}"
     value = f"{estimate.value:.2f} ± {estimate.value_error:.2f}"
@@ -173,7 +188,8 @@ def sentence(reasons: Sequence[Reason], favourite: str | None) -> str:
 
 def fate(reason: Reason) -> str:
     """Put the end of a class' samples into words."""
-    dying, late = round(100 * reason.dying), round(100 * reason.late)
+    dying = round(100 * reason.dying)
+    late = round(100 * reason.late)
     often = "nearly all" if dying == 100 and reason.dying < 1.0 else f"{dying} of 100"
     parts = [f"{often} samples hit {reason.where or 'a wall'}"] if dying else []
     rest = "all arrive" if reason.dying + reason.late == 0.0 else "nearly all arrive"

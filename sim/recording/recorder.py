@@ -56,7 +56,8 @@ class ToViewer:
         self._blueprint = layout(subject, live=not self.lossless)
         self._writer = Writer(self.stream, subject)  # what it writes is kept in memory until the target is open
         self.rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
-        self._closing, self._done = threading.Event(), threading.Event()
+        self._closing = threading.Event()
+        self._done = threading.Event()
         self._failure: Exception | None = None
         self._under_way = 0  # rows taken from the queue and not known to have arrived
         threading.Thread(target=self._work, name="recorder", daemon=True).start()

@@ -58,8 +58,12 @@ MARK_SIZE = 0.025  # radius of the disc that marks a small robot on the map, ove
 LEVELS = (0.5, 1.0, 1.5)  # of H that are marked
 SHARE = (-0.03, 1.08)  # of an axis for shares
 
-FLOOR, GOAL, BORDER = (38, 42, 48), (44, 118, 66), (120, 128, 138)
-CONTROL, OPTIMUM = (250, 246, 232), (150, 235, 60)
+FLOOR = (38, 42, 48)
+GOAL = (44, 118, 66)
+BORDER = (120, 128, 138)
+
+CONTROL = (250, 246, 232)
+OPTIMUM = (150, 235, 60)
 BRANCH = mix((120, 170, 205), FLOOR, 0.35)
 
 Log = Callable[..., None]  # of an entity path and archetypes
@@ -94,7 +98,8 @@ def stage(subject: Subject, log: Log) -> None:
     loaded, scene = subject.loaded, subject.space.scene
     log("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _texts(subject, log)
-    half, middle = 0.5 * (scene.upper - scene.lower), 0.5 * (scene.lower + scene.upper)
+    half = 0.5 * (scene.upper - scene.lower)
+    middle = 0.5 * (scene.lower + scene.upper)
     floor = {"centers": [(*middle, -0.012)], "half_sizes": [(*half, 0.01)]}
     log("/world/scene/floor", rr.Boxes3D(**floor, colors=[FLOOR], fill_mode="solid"))
     log("/world/scene/border", rr.LineStrips3D(lift(outer(scene), 0.0)[None], radii=0.01, colors=[BORDER]))
@@ -193,14 +198,17 @@ class Following:
 
     def poses(self, points: Array, durations: Array) -> Array:
         """Places [m] and quaternions, w last, (k, 7), as the robot is at points (k, 2) [m] for durations [s]."""
-        eyes, ahead = np.empty((len(points), 2)), np.empty((len(points), 2))
+        eyes = np.empty((len(points), 2))
+        ahead = np.empty((len(points), 2))
+
         for k, (point, dt) in enumerate(zip(points, durations, strict=True)):
             self._place = self._place + (1.0 - exp(-float(dt) / DELAY)) * (point - self._place)
             rope = self._place - self._eye
             self._eye = self._eye + max(0.0, 1.0 - self._back / max(float(np.hypot(*rope)), 1e-9)) * rope
             eyes[k], ahead[k] = self._eye, self._place - self._eye
         # A camera's axes are x right, y down, z ahead: turned to its course, then down to the robot.
-        course, down = np.arctan2(ahead[:, 1], ahead[:, 0]), np.arctan(0.9) - 0.1
+        course = np.arctan2(ahead[:, 1], ahead[:, 0])
+        down = np.arctan(0.9) - 0.1
         angles = np.column_stack([course - np.pi / 2, np.full(len(points), -np.pi / 2 - down)])
         turns = Rotation.from_euler("ZX", angles).as_quat()
         return np.column_stack([eyes, np.full(len(points), 0.9 * self._back), turns])
@@ -305,5 +313,7 @@ def _eye(subject: Subject, high: float, place: tuple[float, float], target: floa
     scene, (east, up) = subject.space.scene, place
     far = 1.25 * max(float((scene.upper - scene.lower).max()), high)
     x, y = (0.5 * (scene.lower + scene.upper)).tolist()
-    position, target_place = (x + east * far, y - far, above + up * far), (x, y, target)
+    position = (x + east * far, y - far, above + up * far)
+    target_place = (x, y, target)
+
     return rrb.EyeControls3D(position=position, look_target=target_place, eye_up=(0.0, 0.0, 1.0))

@@ -92,7 +92,8 @@ class Server:
     """
 
     def __init__(self) -> None:
-        data, web = _free_port(DATA_PORT), _free_port(WEB_PORT)
+        data = _free_port(DATA_PORT)
+        web = _free_port(WEB_PORT)
         options = ["--serve-web", "--port", str(data), "--web-viewer-port", str(web), "--server-memory-limit", "1GB"]
         self.process = _start(options, guard=(sys.executable, "-I", "-c", GUARD), stdin=subprocess.PIPE)
         _await(self.process, [data, web], "--serve: the server")
@@ -119,7 +120,9 @@ def _start(options: Sequence[str], *, guard: Sequence[str] = (), stdin: int) -> 
 
 
 def _await(process: subprocess.Popen[bytes], ports: Sequence[int], what: str) -> None:
-    deadline, waiting = time.monotonic() + PATIENCE, list(ports)
+    deadline = time.monotonic() + PATIENCE
+    waiting = list(ports)
+
     while waiting and time.monotonic() < deadline and process.poll() is None:
         try:
             socket.create_connection(("127.0.0.1", waiting[0]), 1.0).close()

@@ -50,7 +50,9 @@ AHEAD = 0.5  # the arrow reaches where the control would take the robot in this 
 LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
 BAND = "one standard error"
 BEGIN = [(0, 0.0)]
-DIM, PLAIN = (120, 122, 128), (164, 128, 230)  # of errors, and of what belongs to no class: seen on any ground
+# Seen on any ground:
+DIM = (120, 122, 128)  # of errors
+PLAIN = (164, 128, 230)  # of what belongs to no class
 
 
 class Row:
@@ -82,7 +84,8 @@ class Writer:
         self._pictures = Pictures(stream, subject, colors)
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
-        self._robot, self._eye = RobotPoses(subject.loaded), Following(scene)
+        self._robot = RobotPoses(subject.loaded)
+        self._eye = Following(scene)
         self._mocap = Mocap(subject.loaded.model, scene.movers) if scene.movers else None
         self._shown = [np.full(7, np.nan) for _ in scene.movers]  # the last pose that was written of each
         name = (scene.name, subject.settings.get("method"), subject.settings.get("seed"))
@@ -136,7 +139,8 @@ class Writer:
 
     def _poses(self, rows: Sequence[Row], moments: Moments) -> None:
         """Log robot, control, eye, driven path and moving obstacles, after the last step of a run also at its end."""
-        states, last = [r.states[0] for r in rows], rows[-1]
+        states = [r.states[0] for r in rows]
+        last = rows[-1]
         controls = [[np.array(u) for u in (r.cells["control"], r.cells["exact_control"]) if u] for r in rows]
         vectors = [self._ahead(x, u) for x, known in zip(states, controls, strict=True) for u in known]
         lengths = [len(known) for known in controls]
@@ -146,7 +150,8 @@ class Writer:
         self.stream.columns("/world/path", moments, rr.LineStrips3D.columns(strips=pieces))
         every = moments
         if last.outcome is not None:
-            states, lengths = [*states, last.states[-1]], [*lengths, 0]
+            states = [*states, last.states[-1]]
+            lengths = [*lengths, 0]
             every = [*moments, (last.moment[0] + 1, last.end)]
         arrows = rr.Arrows3D.columns(vectors=vectors).partition(lengths)
         self._transforms("/world/robot", every, self._robot.at(np.array(states)), arrows)
@@ -177,7 +182,9 @@ class Writer:
             x = dynamics.step(x, u, still, AHEAD / 5)
         dx, dy = x[:2] - start[:2]
         heading = float(start[dynamics.angles[0]]) if dynamics.angles else 0.0
-        c, s = np.cos(heading), np.sin(heading)
+        c = np.cos(heading)
+        s = np.sin(heading)
+
         return np.array([c * dx + s * dy, c * dy - s * dx, 0.0])
 
     def _transforms(self, path: str, moments: Moments, poses: Array, more: Iterable[Any] = ()) -> None:
@@ -219,10 +226,13 @@ class Plots:
         lines: dict[str, list[list[float]]] = {}
         for r in rows:
             weights, sizes = (dict(zip(r.cells["classes"], r.cells[kind], strict=True)) for kind in ("weights", "ess"))
-            share, value = [weights.get(name, 0.0) for name in names], r["value"]
+            share = [weights.get(name, 0.0) for name in names]
+            value = r["value"]
             by_class = [value - self._temperature * log(w) if w > 0 else inf for w in share]
             risks = [r.risks.get(n, inf) if w >= HEAVY else inf for n, w in zip(names, share, strict=True)]
-            exact, band = r.cells["exact_value"], _band(value, r["value_error"])
+            exact = r.cells["exact_value"]
+            band = _band(value, r["value_error"])
+
             for path, line in (
                 ("weight", [max(0.0, sum(weights.values()) - sum(share)), *share, *spare]),
                 ("ess", [sizes.get(OTHER, 0.0), *(sizes.get(name, 0.0) for name in names), *spare]),
@@ -253,13 +263,19 @@ class Plots:
             for name in [*(row.ids[:CHEAPEST] if not names else ()), *heavy]:
                 if name not in names and len(names) < LINES:
                     names.append(name)
-        if names == self._names:
-            return names
-        self._names = names
+        if names != self._names:
+            self._names = names
+            self._style_classes(names)
+        return names
+
+    def _style_classes(self, names: Sequence[str]) -> None:
+        """Give the lines of classes their names, colours and widths in every plot."""
         # The viewer requires equal numbers of lines at all times; those of equal name share a place in its legend.
         every = [OTHER, *names, *[OTHER] * (LINES - len(names))]
         titles = [OTHER if name == OTHER else f"class {title(name)}" for name in every]
-        colors, widths = [self._colors[name] for name in every], [2.5] * len(every)
+        colors = [self._colors[name] for name in every]
+        widths = [2.5] * len(every)
+
         for path in ("weight", "ess", "arriving"):
             self._style(path, titles, colors, widths)
         titles = ["all paths" if name == OTHER else name for name in titles]
@@ -268,7 +284,6 @@ class Plots:
         names_of_value = [titles[0], BAND, BAND, *titles[1:], *self._exact]
         colors = [colors[0], PLAIN, PLAIN, *colors[1:], *(OPTIMUM for _ in self._exact)]
         self._style("value", names_of_value, colors, [2.5, 0.8, 0.8, *widths[1:], *(1.2 for _ in self._exact)])
-        return names
 
     def _style(self, path: str, names: Sequence[str], colors: Sequence[Color], widths: Sequence[float]) -> None:
         self._stream.static(f"/why/{path}", rr.SeriesLines(names=names, colors=colors, widths=widths))

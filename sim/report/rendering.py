@@ -153,7 +153,9 @@ def _plain(text: str) -> str:
 
 def page(report: Row, pictures: Mapping[str, str]) -> str:
     """The whole page, with pictures: PNGs in base64 by what they show."""
-    name, parts = f"Sweep {report['name']}", list[str]()
+    name = f"Sweep {report['name']}"
+    parts = list[str]()
+
     for tag, content in _blocks(report, pictures):
         if tag == "img":
             image = '<p><img alt="{0}" src="data:image/png;base64,{1}"></p><p>{0}</p>'
@@ -163,7 +165,9 @@ def page(report: Row, pictures: Mapping[str, str]) -> str:
             parts.append(f"<div><table><tr>{'</tr><tr>'.join(rows)}</tr></table></div>")
         else:
             parts += [_element("p" if tag == "li" else tag, line) for line in content]
-    head, body = f'<meta charset="utf-8">{_element("title", name)}<style>{_STYLE}</style>', "\n".join(parts)
+    head = f'<meta charset="utf-8">{_element("title", name)}<style>{_STYLE}</style>'
+    body = "\n".join(parts)
+
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>\n{body}\n</body></html>\n'
 
 
@@ -198,7 +202,8 @@ def _classes(point: Row) -> str:
 
 def pictures(report: Row) -> dict[str, str]:
     """PNGs in base64 by what they show: success, cost, classes, step times; OptionError if matplotlib is missing."""
-    plt, scenes = pyplot("report.html"), list(dict.fromkeys(p["scene"] for p in report["points"]))
+    plt = pyplot("report.html")
+    scenes = list(dict.fromkeys(p["scene"] for p in report["points"]))
     scenes = [ALL] if len(scenes) > MOST + 1 else [scene for scene in scenes if scene != ALL]
     shown, left_out = _pictured([p for p in report["points"] if p["scene"] in scenes])
     drawn = dict[str, str]()
@@ -246,9 +251,12 @@ def _png(plt: Any, points: Sequence[Row], draw: Callable[[Any, list[Row]], None]
 
 def _levels(axes: Any, points: Sequence[Row], label: str, field: str, scale: float) -> None:
     """A line with intervals per method."""
-    noises, methods = sorted({p["noise"] for p in points}), list(dict.fromkeys(p["method"] for p in points))
+    noises = sorted({p["noise"] for p in points})
+    methods = list(dict.fromkeys(p["method"] for p in points))
+
     for i, method in enumerate(methods):
-        own, rank = [p for p in points if p["method"] == method], [*METHODS, method].index(method)
+        own = [p for p in points if p["method"] == method]
+        rank = [*METHODS, method].index(method)
         x = [noises.index(p["noise"]) + 0.08 * (i - (len(methods) - 1) / 2) for p in own]
         y, low, high = scale * np.array([[p[field][name] for name in ("value", "low", "high")] for p in own]).T
         off = np.nan_to_num(np.clip([y - low, high - y], 0.0, None))
@@ -262,7 +270,10 @@ def _levels(axes: Any, points: Sequence[Row], label: str, field: str, scale: flo
 
 def _shares(axes: Any, points: Sequence[Row]) -> None:
     """A bar of class shares per noise level and method, the first on top."""
-    rows, colors, left = points[::-1], ClassColors(), np.zeros(len(points))
+    rows = points[::-1]
+    colors = ClassColors()
+    left = np.zeros(len(points))
+
     shares = [{name: 100 * share["value"] for name, share in p["classes"].items()} for p in rows]
     total = Counter({name: sum(own.get(name, 0.0) for own in shares) for own in shares for name in own})
     for name, _ in total.most_common(COLORED):

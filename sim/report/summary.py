@@ -45,7 +45,9 @@ def _interval(value: float = nan, low: float = nan, high: float = nan) -> Interv
 
 def report(dataset: Dataset) -> dict[str, Any]:
     """Sum up what a sweep has finished so far; OptionError for a folder without one, or rows that none wrote."""
-    manifest, records = dataset.manifest(), dataset.records()
+    manifest = dataset.manifest()
+    records = dataset.records()
+
     for r in (r for r in records if r["outcome"] is not None):
         wrong = [] if r["outcome"] in OUTCOMES.values() else ["outcome"]
         wrong += [name for name in ("cost", "path_length", "time") if r[name] is None or not isfinite(r[name])]
@@ -79,7 +81,8 @@ def report(dataset: Dataset) -> dict[str, Any]:
 
 def summed(records: Iterable[Record]) -> tuple[list[Row], list[Row]]:
     """Return figures of every scene, noise level and method, and methods compared with `BASE` on equal seeds."""
-    groups, apart = dict[Key, list[Record]](), sorted(records, key=_order)
+    groups = dict[Key, list[Record]]()
+    apart = sorted(records, key=_order)
     many = len({r["scene"] for r in apart}) > 1
     together = sorted(apart, key=lambda r: _order(r)[1:]) if many else []
     for scene, r in [*((r["scene"], r) for r in apart), *((ALL, r) for r in together)]:
@@ -131,7 +134,8 @@ def _comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Row:
     """Compare a method with `BASE` on the seeds that both have come to an end with."""
     pairs = _pairs(groups[key], groups[*key[:2], BASE])
     ends = Counter((a["outcome"] == "goal", b["outcome"] == "goal") for a, b in pairs)
-    gained, lost = ends[True, False], ends[False, True]
+    gained = ends[True, False]
+    lost = ends[False, True]
     costs, base_costs = _costs(pairs)
     return {
         **dict(zip(KEY, key, strict=True)),
@@ -166,7 +170,9 @@ def _findings(comparisons: Sequence[Row]) -> list[str]:
     lines = []
     for c in comparisons:
         where = f"{c['scene']}, b = {c['noise']:g}: {c['method']}"
-        success, cost = c["success"]["value"], c["cost"]["value"]
+        success = c["success"]["value"]
+        cost = c["cost"]["value"]
+
         if c["success_adjusted"] < LEVEL:
             lines.append(
                 f"{where} reaches the goal {MORE[success > 0]} often than {BASE}, by {100 * abs(success):.1f} points "
@@ -235,7 +241,8 @@ def paired_shares(gained: int, lost: int, pairs: int) -> Interval:
     """
     if pairs == 0:
         return _interval()
-    up, down = (gained + 1) / (pairs + 2), (lost + 1) / (pairs + 2)
+    up = (gained + 1) / (pairs + 2)
+    down = (lost + 1) / (pairs + 2)
     half = Z * sqrt((up + down - (up - down) ** 2) / (pairs + 2))
     return _interval((gained - lost) / pairs, max(-1.0, up - down - half), min(1.0, up - down + half))
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from sim.scenario.risk import RiskSearch
 from sim.scenario.scenario import Scenario
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
 from sim.systems import chosen, named, refuse
+from sim.text import suggestion
 
 AMONG = 0.8  # H_limit among moving obstacles, if not given: waiting for one winds about it meanwhile
 REACTION = 0.01  # how long feedback takes to answer noise [s]
@@ -49,9 +49,9 @@ def prepare(
     """
     given = {**(given or {}), **options}
     for name in given.keys() - {*BY_SCENE, *BY_SETTING}:
-        like = get_close_matches(name, [*BY_SCENE, *BY_SETTING], n=1)
-        fit = f"did you mean {like[0]}" if like else f"those are {', '.join(sorted([*BY_SCENE, *BY_SETTING]))}"
-        raise OptionError(f"prepare: {name!r} is no option; {fit}")
+        known = sorted([*BY_SCENE, *BY_SETTING])
+        fit = suggestion(name, known) or f"; those are {', '.join(known)}"
+        raise OptionError(f"prepare: {name!r} is no option{fit}")
     task = SceneOptions(**{name: given.get(name) for name in BY_SCENE})
     system = None if task.system is None else chosen(task.system)
     read = partial(load, scene, loose=loose, **{name: getattr(task, name) for name in BY_SCENE} | {"system": system})
@@ -63,7 +63,8 @@ def prepare(
     settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, given)
 
     def at(margin: float | None, narrow: tuple[Waiver, ...] = (), **changes: Any) -> Scenario:
-        own, numbers = loaded if margin is None else read(margin=margin), replace(settings, **changes)
+        own = loaded if margin is None else read(margin=margin)
+        numbers = replace(settings, **changes)
         scene = own.scene if room is None else room(own.scene)
         own = replace(own, scene=replace(scene, narrow=narrow))
         return Scenario(
@@ -97,7 +98,11 @@ def default_margin(scenario: Scenario) -> tuple[float, tuple[Waiver, ...]]:
     Where such a passage does not open within its axis, or obstacles move, it counts everywhere. A margin of 0: there
     is no clearance for one.
     """
-    s, problem, space, scene = scenario.settings, scenario.problem, scenario.space, scenario.space.scene
+    s = scenario.settings
+    problem = scenario.problem
+    space = scenario.space
+    scene = scenario.space.scene
+
     ends = space.collision.clearance(np.array([scene.start[:2], scene.goal.center[:2]]))
     if scene.goal is not problem.scene.goal:  # its centre is covered, and plans lead to what is free with the margin
         ends = ends[:1]
@@ -119,12 +124,14 @@ def default_margin(scenario: Scenario) -> tuple[float, tuple[Waiver, ...]]:
 def deviation(problem: Problem, time: float) -> float:
     """Return the standard deviation of the place after a time [s] from the start, along its worst direction [m]."""
     d, h, shift = problem.dynamics, time / STEPS, 1e-4
-    start, still = d.state_of(problem.scene.start), np.zeros(d.m)
+    start = d.state_of(problem.scene.start)
+    still = np.zeros(d.m)
 
     def slopes(step: Callable[[Array], Array], n: int) -> Array:
         return np.array([step(e) - step(-e) for e in shift * np.eye(n)]).T / (2.0 * shift)
 
-    A, B = slopes(lambda e: d.step(start + e, still, still, h), d.n), slopes(lambda e: d.step(start, still, e, h), d.m)
+    A = slopes(lambda e: d.step(start + e, still, still, h), d.n)
+    B = slopes(lambda e: d.step(start, still, e, h), d.m)
     P = np.zeros((d.n, d.n))
     for _ in range(STEPS):
         P = A @ P @ A.T + h * B @ B.T

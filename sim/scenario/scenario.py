@@ -1,7 +1,7 @@
 """A scene with a robot, a problem and settings, and the objects of a run: tree, policy, exact solution, plant."""
 
+import math
 from collections.abc import Callable, Generator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -224,9 +224,19 @@ class Scenario:
 
         Among moving obstacles that is no error if the robot `waits` for a path.
         """
-        with suppress(*((NoReference,) if waits and self.moving else ())):
+        try:
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
-        return []
+        except NoReference as error:
+            if waits and self.moving:
+                return []
+            left = self.space.margin_left(self.start)
+            own = self.space.scene.margin - self.margin  # of the footprint
+
+            if left is None:
+                raise
+            left = math.floor(1e3 * max(left - own, 0.0)) / 1e3
+            known = {"vertices": tree.size, "limit": tree.limit, "margin": self.margin, "left": left}
+            raise NoReference(error.state, **known) from None
 
     def optimal(self, truth: Desirability | None = None, progress: Progress = ignore_progress) -> Optimal:
         """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before."""

@@ -36,7 +36,11 @@ class Dataset:
     """
 
     def __init__(self, folder: Path, now: Callable[[], float] = time.monotonic) -> None:
-        self.folder, self.file, self.runs, self._now = folder, folder / "manifest.json", folder / "runs", now
+        self.folder = folder
+        self.file = folder / "manifest.json"
+        self.runs = folder / "runs"
+        self._now = now
+
         self._kept: list[dict[str, Any]] = []  # rows that are in no file yet
         self._tried = now()  # when they were last written
         self._failing = False  # whether that went wrong
@@ -84,9 +88,13 @@ class Dataset:
                 return {}
         except (OSError, ValueError) as error:  # ValueError: a name that is none
             raise refused("--output", self.folder, error) from None
-        known, asked = self.manifest(), plain(settings)
+        known = self.manifest()
+        asked = plain(settings)
+
         for name in {**known["settings"], **asked}:
-            before, now = known["settings"].get(name), asked.get(name)
+            before = known["settings"].get(name)
+            now = asked.get(name)
+
             if before != now:
                 raise self._other(f"was made {_option(name, before)} and this sweep is {_option(name, now)}")
         for name, digest in scenes.items():

@@ -41,7 +41,9 @@ class Stop:
 @contextmanager
 def interruptible() -> Iterator[Stop]:
     """A stop that Ctrl-C asks for, once or twice, and SIGTERM with urgency; in the main thread only."""
-    stop, times = Stop(), dict[int, int]()
+    stop = Stop()
+    times = dict[int, int]()
+
     if threading.current_thread() is threading.main_thread():
         times = {signal.SIGINT: 1, signal.SIGTERM: 2}
     before = {number: signal.signal(number, lambda n, _: stop.ask(times[n], n)) for number in times}
@@ -165,7 +167,8 @@ class Pool(Crew):
 
     inline = False
     broken = (BrokenProcessPool,)
-    tries, death = TRIES - 1, f"its process died {TRIES} times"
+    tries = TRIES - 1
+    death = f"its process died {TRIES} times"
 
     def __init__(self, size: int, stop: Stop) -> None:
         super().__init__(stop)
@@ -196,7 +199,9 @@ class Pool(Crew):
 
 def chunk(work: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
     """Results of the first tasks, as many as there is time for."""
-    began, results = time.perf_counter(), []
+    began = time.perf_counter()
+    results = []
+
     for task in tasks:
         results.append(work(task))
         if time.perf_counter() - began >= CHUNK_SECONDS:

@@ -162,7 +162,8 @@ def _driver(job: Job, scenario: Scenario, planned: Planned | None) -> Driver:
 
 def grown(job: Job) -> Planned:
     """Grow the tree of a job's place."""
-    scenario, content = settled(job), BytesIO()
+    scenario = settled(job)
+    content = BytesIO()
     rehearse(scenario)
     began = time.perf_counter()
     tree = scenario.grown_tree()

@@ -29,7 +29,7 @@ from sim.sweeps import engine, runs
 from sim.sweeps.dataset import TREES, Dataset
 from sim.sweeps.parts import key_of
 from sim.sweeps.runs import Frozen, Job, Task, frozen
-from sim.text import counted
+from sim.text import counted, suggestion
 
 MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
 Record = dict[str, Any]
@@ -93,7 +93,7 @@ def parse(words: Mapping[str, Any]) -> Grid:
     names = tuple(name.strip() for name in words["methods"].split(","))
     for name in names:
         if name not in METHODS:
-            raise OptionError(f"--methods names {name!r}; known are {', '.join(METHODS)}")
+            raise OptionError(f"--methods names {name!r}{suggestion(name, METHODS)}; known are {', '.join(METHODS)}")
     refuse_unused(given, names)
     noises: list[float | None] = []
     for part in [] if words["noise"] is None else words["noise"].split(","):
@@ -114,7 +114,8 @@ def seeds_of(text: str) -> range:
     """Seeds as in 0:100, or one; OptionError if it is no range, empty, or beyond what a dataset can hold."""
     first, _, last = text.partition(":")
     try:
-        start, stop = int(first), int(last) if last else int(first) + 1
+        start = int(first)
+        stop = int(last) if last else int(first) + 1
     except ValueError:
         raise OptionError(f"--seeds: {text[:60]!r} is no range; write for instance 0:100") from None
     if start < 0 or stop <= start:

@@ -78,10 +78,10 @@ def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again
     for row in found:
         blocked = (row["scene"], row["method"]) == ("wall", "pi-rrht")
         assert (row["outcome"] is None) == blocked
-        assert ("no allowed class reaches the goal" in (row["error"] or "")) == blocked
+        assert ("no path from (0.4, 2) to the goal is wide enough" in (row["error"] or "")) == blocked
     shown = capsys.readouterr()
     assert "8 runs, 2 of them ended with an error" in shown.out
-    assert "  2 x no allowed class reaches the goal" in shown.err
+    assert "  2 x no path from (0.4, 2) to the goal is wide enough" in shown.err
     assert "--again repeats them" in shown.err
     files = Dataset(tmp_path / "sweep").files()
     assert main([*words, "--again"]) == 1

@@ -1,5 +1,6 @@
 """Figures of a run agree, add up, and show when to doubt it; times hold no compiling."""
 
+import gc
 import json
 from types import SimpleNamespace
 from typing import Any
@@ -10,8 +11,9 @@ from doors import door
 from numba.core import event
 
 from pirrht.control.plan import Plan
+from pirrht.estimation.factory import ProposalFactory
 from pirrht.outcome import Outcome
-from sim import tree_file
+from sim import rehearsal, tree_file
 from sim.cli import main, plan_command
 from sim.cli.parser import parser
 from sim.drive.executor import Advance
@@ -98,6 +100,15 @@ def test_a_run_reports_how_many_of_its_plans_are_guesses(tmp_path, capsys):
     assert "effective samples" not in capsys.readouterr().out
 
 
+def test_a_run_without_surviving_samples_does_not_blame_its_paths(capsys):
+    words = "run slit --method mppi --noise 8 --samples 2 --horizon 1 --period 0.002 --max-time 0.004"
+    assert main(words.split()) == 1
+    said = capsys.readouterr()
+    assert "blocked at 0.00 s: no sample survived; the last controls go on" in said.out + said.err
+    assert "no sample survived for most of the time: try more --samples or less --noise" in said.out
+    assert "no path" not in said.out + said.err
+
+
 @pytest.mark.parametrize("stays", [False, True])
 def test_the_robot_waits_for_who_stands_in_the_door_as_far_as_it_can_see(tmp_path, capsys, stays):
     file, result = door(tmp_path, stays=stays), tmp_path / "run.json"
@@ -133,6 +144,22 @@ def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, 
     assert plan_command.plan(parser().parse_args(["plan", "slit", "--vertices", "60"])) == 0
     assert wall.now == 90.0
     assert "FCL calls, 0.00 s" in capsys.readouterr().out
+
+
+def test_no_garbage_is_collected_while_a_run_compiles(monkeypatch: pytest.MonkeyPatch):
+    notice = plan_command.Notice()
+    notice.reported, notice.run = True, ("slit", {})
+    monkeypatch.setattr(plan_command.rehearsal, "helper", lambda *of: None)
+    happening = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="pirrht.one"))})
+    try:
+        notice.on_start(happening)
+        assert not gc.isenabled()
+        notice.finish()
+        assert gc.isenabled()
+        assert gc.get_freeze_count() > 0  # what compiling leaves behind is not searched again
+    finally:
+        gc.unfreeze()
+        gc.enable()
 
 
 def test_the_times_of_a_sweeps_runs_hold_no_compiling(monkeypatch: pytest.MonkeyPatch):
@@ -178,3 +205,20 @@ def test_a_rehearsal_plans_among_moving_bodies_where_some_move(name):
     driver.begin(small.start)
     assert driver.path_integral.moving == small.moving == bool(scenario.loaded.scene.movers)
     assert driver.plan(small.start).estimate is not None
+
+
+@pytest.mark.parametrize("name", ["slit", "crossing"])
+def test_another_process_compiles_what_a_plan_samples_before_what_it_rests_on(name, monkeypatch: pytest.MonkeyPatch):
+    """Else it soon waits for the command, which makes a tree meanwhile, and then that waits for it."""
+    made: list[str] = []
+    climbing = ProposalFactory.climbing
+
+    def ascent(self: ProposalFactory, *given: Any, **more: Any) -> Any:
+        made.append("ascent")
+        return climbing(self, *given, **more)
+
+    monkeypatch.setattr(ProposalFactory, "climbing", ascent)
+    monkeypatch.setattr(rehearsal, "rehearse", lambda *_, **__: made.append("tree"))
+    rehearsal.compile_last(name, {})
+    assert made[0] == "ascent"
+    assert made[-1] == "tree"

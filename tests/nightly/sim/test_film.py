@@ -124,6 +124,19 @@ def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphi
     assert all(row.endswith(" %") for row in noted if row != "0.1 s")
 
 
+@pytest.mark.parametrize("size", [(320, 180), (960, 540), (1280, 720), (1920, 1080)])
+def test_texts_stay_within_their_panel_in_pictures_of_any_size(graphics, size):
+    loaded = load("slit")
+    one = film.Film(loaded, size=size)
+    one._pose(loaded.scene.start[:2], 0.0)
+    picture = one._draw([("-10,0,0  100 %", (255, 0, 255)), ("-10,0,1  100 %", (255, 0, 255))]).astype(int)
+    one.close()
+    rows, columns = np.nonzero(np.minimum(picture[..., 0], picture[..., 2]) - picture[..., 1] > 100)
+    panel = picture.max(axis=2) < 70
+    assert 0 < rows.min() < rows.max() < np.argmin(panel[:, 0])
+    assert 0 < columns.min() < columns.max() < np.argmin(panel[0])
+
+
 class Full(io.BytesIO):
     """A disk on which there is room for the beginning of a film."""
 

@@ -6,21 +6,22 @@ import io
 import re
 import sys
 from dataclasses import fields, replace
-from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 import pirrht
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind, Obstacle
 from sim.drawing import strokes
-from sim.scenario import Scenario
+from sim.scenario import Scenario, prepare
 
 matplotlib.use("Agg")
 WIDE = 200  # characters of a line
+STROKE = 0.04  # width of the path of a class on a map of the house [m]
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +69,36 @@ def test_a_trees_picture_has_an_edge_per_vertex_but_the_root(slit, slit_tree):
     assert slit_tree.plot(axes=matplotlib.figure.Figure().subplots()).get_legend() is None
 
 
+def test_pictures_number_obstacles_and_give_every_class_a_colour_and_a_line_that_shows():
+    house = prepare("house", vertices=300)
+    tree = house.grown_tree()
+    pictures = tree.plot(house.start), house.controller(tree).plan(house.start).plot(samples=0)
+    for axes in pictures:
+        lines = [line for line in axes.lines if line.get_label().partition(":")[2]]
+        assert len(lines) > 6
+        assert len({line.get_color() for line in lines}) == len(lines)
+        assert [text.get_text() for text in axes.texts if text.get_text()] == [
+            str(k) for k in range(1, house.homology.M + 1)
+        ]
+        paths = [line.get_xydata() for line in lines]
+        for i, path in enumerate(paths):
+            middles = path[len(path) // 10 : -len(path) // 10]
+            hidden = [KDTree(other).query(middles)[0] < 0.4 * STROKE for other in paths[:i]]
+            assert np.mean(np.any(hidden, axis=0) if hidden else False) < 0.2
+
+
+def test_strokes_that_coincide_lie_side_by_side_and_others_stay():
+    line, apart = np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[0.0, 1.0], [4.0, 1.0]])
+    first, second, alone = strokes.side_by_side([line, line, apart], 0.1)
+    np.testing.assert_allclose(second[:, 1] - first[:, 1], 0.1)
+    np.testing.assert_allclose(first[:, 1] + second[:, 1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(alone[:, 1], 1.0)
+
+
 def test_a_scene_whose_name_would_be_a_formula_is_drawn_under_its_name(plan):
     scene = replace(plan.space.scene, name="$x^$")
-    axes = replace(plan, space=SimpleNamespace(scene=scene)).plot(axes=matplotlib.figure.Figure().subplots())
+    named = replace(plan, space=replace(plan.space, scene=scene))
+    axes = named.plot(axes=matplotlib.figure.Figure().subplots())
     axes.figure.savefig(io.BytesIO())
     assert axes.get_title() == r"\$x^\$ at 0.00 s"
 

@@ -134,6 +134,9 @@ def test_what_cannot_be_is_refused():
         gym.score(ahead, seeds=[0], method="m", niose=0.1)
     with pytest.raises(OptionError, match="noise: no argument next to an environment"):
         gym.score(ahead, seeds=[0], method="m", environment=gym.Drive("slit"), noise=0.3)
+    for seeds in ([], (), range(0), 5, None):
+        with pytest.raises(OptionError, match=r"^seeds is .*; give at least one whole number, as in range\(10\)$"):
+            gym.score(ahead, scene="slit", seeds=seeds, method="m")
     for seed in (-1, 0.5):
         with pytest.raises(OptionError, match=f"seed is {seed}"):
             gym.score(ahead, scene="slit", seeds=[seed], method="m")

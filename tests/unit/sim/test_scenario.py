@@ -110,11 +110,30 @@ def test_a_passage_that_does_not_open_and_one_among_moving_obstacles_count_every
     assert prepare(tmp_path / "moving.xml", vertices=100).margin == pytest.approx(0.25 * 0.05, abs=5e-4)
 
 
+@pytest.mark.parametrize(("scene", "left"), [("house", 0.264), ("barn", 0.192)])
+def test_a_margin_without_a_path_is_named_with_one_that_leaves_a_path(scene: str, left: float):
+    wide = prepare(scene, margin=0.5, vertices=60)
+    with pytest.raises(NoReference, match=rf"keeps the margin of 0.5 m\. A margin of {left:g} m leaves one"):
+        wide.references(wide.empty_tree())
+    assert prepare(scene, margin=left, vertices=60).space.margin_left(wide.start) is None
+
+
+def test_a_robot_that_fits_nowhere_is_told_from_a_margin_that_does_not():
+    house = prepare("house", radius=0.5, vertices=60)
+    with pytest.raises(
+        NoReference, match=r"is wide enough for the robot, even without a margin\. Try a smaller radius"
+    ):
+        house.references(house.empty_tree())
+    small = prepare("house", vertices=60)
+    with pytest.raises(NoReference, match=r"Try more vertices, a larger limit"):
+        small.references(small.empty_tree())
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"given": {"sample": 100}}, "'sample' is no option; did you mean samples"),
-        ({"robto": "puck"}, "'robto' is no option; did you mean robot"),
+        ({"given": {"sample": 100}}, "'sample' is no option (did you mean samples?)"),
+        ({"robto": "puck"}, "'robto' is no option (did you mean robot?)"),
         ({"wind": 1.0}, "'wind' is no option; those are allocation, between,"),
     ],
 )

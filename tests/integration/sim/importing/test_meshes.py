@@ -46,6 +46,24 @@ def test_a_floor_of_one_sheet_is_driven_over(tmp_path, low):
     FreeSpace.of(load(imported.path).scene)
 
 
+@pytest.mark.parametrize("top", [0.05, 0.3])
+@pytest.mark.parametrize("floors", [[(0, 4)], [(0, 2), (2, 4)]], ids=["one part", "two parts"])
+def test_a_slab_under_start_and_goal_is_named_as_a_floor(tmp_path, top, floors):
+    slabs = [[(low, 0, -0.1), (high, 4, top)] for low, high in floors]
+    boxes = [trimesh.creation.box(bounds=bounds) for bounds in [*WALLS, *slabs]]
+    trimesh.util.concatenate(boxes).export(tmp_path / "room.obj")
+    expected = rf"room.obj: \"part \d\" lies under start and goal and ends {top:g} m above.*lower the mesh by {top:g} m"
+    with pytest.raises(SceneError, match=expected):
+        import_world(tmp_path / "room.obj", tmp_path / "scene.xml", decompose=True, **TASK)
+
+
+def test_a_block_under_the_start_alone_is_no_floor(tmp_path):
+    boxes = [trimesh.creation.box(bounds=bounds) for bounds in [*WALLS, [(0.5, 0.5, 0), (1.5, 1.5, 0.05)]]]
+    trimesh.util.concatenate(boxes).export(tmp_path / "room.obj")
+    with pytest.raises(SceneError, match=r"room.obj: the start \(1, 1\) is in collision"):
+        import_world(tmp_path / "room.obj", tmp_path / "scene.xml", decompose=True, **TASK)
+
+
 @pytest.mark.parametrize(("task", "what"), [({"start": (3.5, 3.5)}, "start"), ({"goal": (3.5, 3.5, 0.2)}, "goal")])
 def test_start_and_goal_are_checked_with_the_robot_that_plans(tmp_path, task, what):
     """A board that touches the top of the sphere as which the rover plans, and not the rover itself."""

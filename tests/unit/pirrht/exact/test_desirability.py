@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +11,12 @@ from benchmarks import mass_line
 from benchmarks.annulus import convergence
 from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from discs import disc, scene_of
+from moving import crossing
 from thoroughly import first
 
 from pirrht import Desirability, FreeSpace, Obstacle, PirrhtError, Problem, Sampling, Scene, Unicycle, path_integral
+from pirrht.exact.boundaries import surroundings_of
+from pirrht.exact.grid import Settling, frame_at
 from pirrht.systems.single_integrator import SingleIntegrator
 
 START = np.array([1.0, 2.5])
@@ -26,7 +30,7 @@ def post(x: float, y: float, radius: float) -> Obstacle:
     return disc(f"post {x:g}", x, y, radius)
 
 
-def solved(scene: Scene, b: float, phi: float = np.inf, **options: float) -> Desirability:
+def solved(scene: Scene, b: float, phi: float = np.inf, **options: Any) -> Desirability:
     problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi)
     return Desirability.of(problem, FreeSpace.of(scene), **options)
 
@@ -46,6 +50,29 @@ def test_at_the_default_spacing_value_and_control_match_the_bessel_functions_of_
 def test_the_error_of_the_control_falls_faster_than_the_spacing():
     rows = convergence(0.15, [0.04, 0.028, 0.02])
     assert all(row["order"] > 1.0 for row in rows[1:])
+
+
+def test_rounds_report_how_far_they_have_settled():
+    shares: list[float] = []
+    solved(scene(), 0.4, dt=0.2, spacing=0.1, progress=shares.append)
+    assert len(shares) > 4
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] < 0.2
+    assert 0.8 < shares[-1] <= 1.0
+
+
+def test_a_change_that_is_infinite_or_rises_takes_nothing_back():
+    shares: list[float] = []
+    settling = Settling(shares.append, 1e-4)
+    for change in (math.inf, 1.0, 1e-2, 0.5, 1e-3, 0.0):
+        settling.note(change)
+    assert shares == pytest.approx([0.0, 0.0, 0.5, 0.5, 0.75, 0.75])
+
+
+def test_among_moving_obstacles_no_static_one_is_needed():
+    hall = crossing()
+    found = surroundings_of(hall, frame_at(hall.lower.astype(float), 0.1, hall.goal), 0.5, 2.0)
+    assert found.owner.tolist() == [0]
 
 
 def test_between_free_walls_psi_is_the_hyperbolic_cosine_of_an_interval():

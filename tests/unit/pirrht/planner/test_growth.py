@@ -2,6 +2,7 @@
 
 import heapq
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from discs import block, disc, scattered, scene_of
 from numpy.typing import NDArray
 from trees import grown
 
-from pirrht import Dubins, FreeSpace, HomologyTree, Steering, StraightLine
+from pirrht import Dubins, FreeSpace, HomologyTree, OptionError, Steering, StraightLine
 from pirrht.planner.expand import PassageSampler
 from pirrht.planner.graph import ROOT, Graph, class_at
 from pirrht.topology.crossings import Turns
@@ -40,6 +41,13 @@ def test_growing_k_times_is_growing_once(robot: str):
     for _ in range(12):
         often.grow(often.size + 5)
     assert_equal_trees(once, often)
+
+
+@pytest.mark.parametrize("vertices", [-1, 2.5, None, "9", float("nan")])
+def test_what_is_no_number_of_vertices_is_refused(vertices: Any):
+    tree = scenario_of("small").empty_tree()
+    with pytest.raises(OptionError, match=r"^vertices is .*; it must be a whole number of 0 or more$"):
+        tree.grow(vertices)
 
 
 @pytest.mark.parametrize("robot", ["small", "car"])

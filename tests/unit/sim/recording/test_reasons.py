@@ -137,8 +137,10 @@ def test_a_share_is_rounded_to_nothing_else_than_it_is(weight, said):
 
 def test_the_page_tells_of_a_fallback_and_of_too_few_samples(planned):
     _, plan, found = planned
-    lost = replace(plan, estimate=None, fallback="no survivor", instead=plan.tape, law=None)
-    assert page(lost, [], 1.25).startswith("**At 1.25 s: blocked, no survivor: braking.**")
+    lost = replace(plan, estimate=None, fallback="no survivor", instead=plan.tape)
+    assert page(lost, [], 1.25).startswith("**At 1.25 s: blocked, no sample survived; braking.**")
+    mppi = replace(lost, law=None)
+    assert page(mppi, [], 1.25).startswith("**At 1.25 s: blocked, no sample survived; the last controls go on.**")
     weak = replace(plan, estimate=replace(plan.estimate, ess=3.0))
     assert "Only 3.0 effective samples: a guess" in page(weak, list(found.values()), 0.0)
     known = replace(lost, fallback=None, exact=8.5)
