@@ -162,6 +162,7 @@ class ProposalBuilder:
             estimate = self.integral.sample(batch, seed, left=left, effort=effort)
         except NoSurvivingSample:
             return None
+        run.memory.weak = estimate.ess < TUNING.fit_enough
         if self.settings.use.mixes:
             run.memory.allocation.learn(batch, estimate)
         if self.learns:
@@ -217,7 +218,8 @@ class ProposalBuilder:
         guidance, memory, short = self.integral.proposals.nominal, run.memory, budget.short
         classes, anew = from_start(run, references), not memory.optima and not short()
         memory.guided += 1
-        paces = guidance.tuning.later_paces[memory.guided % len(guidance.tuning.later_paces)]
+        some = guidance.tuning.later_paces
+        paces = some[memory.guided % len(some)] if memory.weak else ()
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
@@ -226,7 +228,8 @@ class ProposalBuilder:
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
             return guidance.optima(
-                query, one.trajectory, last, run.since_plan, thorough=thorough, paces=paces, short=short
+                query, one.trajectory, last, run.since_plan, thorough=thorough,
+                paces=paces if classes[k] in memory.sampled else (), short=short,
             )
 
         found = [] if memory.optima else [improved(0)]

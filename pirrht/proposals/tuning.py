@@ -17,7 +17,7 @@ class ProposalTuning(NamedTuple):
         1.03,
         1.0 / 1.03,
     )  # at which a guide is tried again: others touch corners elsewhere
-    later_paces: tuple[tuple[float, ...], ...] = ((1.03,), (1.0 / 1.03,))  # of warm guides, by turns of plans
+    later_paces: tuple[tuple[float, ...], ...] = ((1.03,), (), (), (1.0 / 1.03,), (), ())  # of warm guides, by turns
     paced: int = 12  # backward passes at most at each of them
     tolerance: float = 0.01  # a pass that is expected to gain less is the last [lambda]; less is below the noise of v
     # Differential dynamic programming.
@@ -37,7 +37,7 @@ class ProposalTuning(NamedTuple):
     margin: float = 20.0  # boundary layers beyond which a wall costs nothing
     margin_point: float = 5.0  # boundary layers, for a point among moving obstacles
     parabola: float = 0.2  # boundary layers below which the cost is a parabola, so that it stays finite
-    sag: float = 0.06  # boundary layers by which a wall may bulge towards a path between two points that are priced
+    sag: float = 0.12  # boundary layers by which a wall may bulge towards a path between two points that are priced
     wall_radii: float = 2.0  # robot radii, the assumed radius of curvature of walls
     wall_radius: float = 0.2  # of that radius at least [m]
     # Laws.

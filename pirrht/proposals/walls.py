@@ -5,12 +5,13 @@ from the chord: the point at a share t of it is (1 - t) x_0 + t x_1 + t (1 - t) 
 obstacles count where they are when the step passes a point; each is a wall of its own.
 """
 
+import math
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from pirrht.geometry.field import border, two_walls, with_slope
+from pirrht.geometry.field import border, clearance, two_walls, with_slope
 from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels, with_walls
 from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.proposals.tuning import TUNING
@@ -75,12 +76,22 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         return count, w
 
     @borrowing
+    def beyond(setup, task, step):  # type: ignore[no-untyped-def]
+        """Check whether no wall has a price anywhere on a step, by the clearance of its middle."""
+        x, y, dx, dy, bx, by, _, dt = step
+        w = 0.125 * dt
+        most = task.margin + 0.5 * math.sqrt(dx * dx + dy * dy) + w * math.sqrt(bx * bx + by * by)
+        return clearance(setup.world.field, x + 0.5 * dx + w * bx, y + 0.5 * dy + w * by) > most
+
+    @borrowing
     def cost(setup, task, step, points, space):  # type: ignore[no-untyped-def]
         """Return the clearance cost of a step [cost] at some points, its end the last.
 
         A step is (x, y, dx, dy, bx, by, begin, dt): start and displacement [m], loss of velocity [m/s], times [s].
         """
         total, walls = 0.0, space[0]
+        if not among and beyond(setup, task, step):
+            return 0.0
         for k in range(1, points + 1):
             count, _ = walls_at(setup, task, step, k / points, space)
             for i in range(count):
@@ -94,6 +105,8 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         Returns: whether there are any walls; otherwise nothing is written.
         """
         found, walls = False, space[0]
+        if not among and beyond(setup, task, step):
+            return False
         for k in range(1, points + 1):
             t = k / points
             count, w = walls_at(setup, task, step, t, space)
