@@ -223,13 +223,19 @@ class ProposalBuilder:
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
-            if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and late):
+            waits = memory.guided < memory.again.get(classes[k], 0)
+            if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and (late or waits)):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
             return guidance.optima(
-                query, one.trajectory, last, run.since_plan, thorough=thorough,
-                paces=paces if classes[k] in memory.sampled else (), short=short,
+                query,
+                one.trajectory,
+                last,
+                run.since_plan,
+                thorough=thorough,
+                paces=paces if classes[k] in memory.sampled else (),
+                short=short,
             )
 
         found = [] if memory.optima else [improved(0)]
@@ -237,6 +243,10 @@ class ProposalBuilder:
         bound = guidance.hopeless(min(known, default=np.inf))  # of tracked paths, which cost less than what tracks them
         found += mapped(improved, range(len(found), len(references)), self.integral.threads)
         memory.optima = {one: some for one, some in zip(classes, found, strict=True) if some and some[0].valid}
+        lost = classes[1:] if not self.integral.moving else []
+        for one in lost:  # whose references lead to no valid guide
+            if one not in memory.optima and not memory.guided < memory.again.get(one, 0):
+                memory.again[one] = memory.guided + guidance.tuning.again
         return [some[0] if some else None for some in found]
 
 

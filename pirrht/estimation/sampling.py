@@ -19,7 +19,7 @@ class EstimationTuning(NamedTuple):
     filled: float = 0.6  # share of the time left for the next round of samples; the rest is for rounds that take longer
     first_round: float = 0.1  # share of samples drawn first among moving obstacles: the rest of a plan takes time too
     first_plan: int = 64  # multiple of a plan's samples for the first plan of an episode, at most (`Sampling.least`)
-    saved: float = 0.25  # of a plan's samples is saved by each later plan; those below `few` effective ones use it
+    saved: float = 1.0  # of a plan's samples is saved by each later plan; those below `few` effective ones use it
     later_plan: float = 8.0  # multiple of a plan's samples for a later plan of an episode, at most
     most: int = 150_000  # samples of a plan at any time limit: weighing more takes longer than it is worth
     # Allocation

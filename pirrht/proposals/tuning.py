@@ -18,6 +18,7 @@ class ProposalTuning(NamedTuple):
         1.0 / 1.03,
     )  # at which a guide is tried again: others touch corners elsewhere
     later_paces: tuple[tuple[float, ...], ...] = ((1.03,), (), (), (1.0 / 1.03,), (), ())  # of warm guides, by turns
+    again: int = 10  # plans after which a class without a guide is tried again
     paced: int = 12  # backward passes at most at each of them
     tolerance: float = 0.01  # a pass that is expected to gain less is the last [lambda]; less is below the noise of v
     # Differential dynamic programming.
