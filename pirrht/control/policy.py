@@ -47,7 +47,7 @@ class ClassMemory:
     mixture: ClassMixture | None = None  # feedback of the last plan, into which the next one is pooled
     followed: str | None = None  # name of the one class that the control follows; None: all
     guided: int = 0  # plans that improved guides
-    again: dict[ClassFromStart, int] = field(default_factory=dict)  # first plan that tries a class anew
+    again: dict[str, int] = field(default_factory=dict)  # first plan that tries a class without a guide anew, by name
     weak: bool = False  # whether the last plan had too few effective samples not to learn from them
     saved: float = 0.0  # samples for weak plans, in multiples of a plan's
 

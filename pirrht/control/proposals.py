@@ -163,6 +163,9 @@ class ProposalBuilder:
         except NoSurvivingSample:
             return None
         run.memory.weak = estimate.ess < TUNING.fit_enough
+        for name, weight in estimate.class_weights.items():
+            if weight >= TUNING.fit_weight:
+                run.memory.again.pop(name, None)
         if self.settings.use.mixes:
             run.memory.allocation.learn(batch, estimate)
         if self.learns:
@@ -217,13 +220,14 @@ class ProposalBuilder:
         """
         guidance, memory, short = self.integral.proposals.nominal, run.memory, budget.short
         classes, anew = from_start(run, references), not memory.optima and not short()
+        names = [*map(run.homology.name, classes)]
         memory.guided += 1
         some = guidance.tuning.later_paces
         paces = some[memory.guided % len(some)] if memory.weak else ()
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
-            waits = memory.guided < memory.again.get(classes[k], 0)
+            waits = memory.guided < memory.again.get(names[k], 0)
             if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and (late or waits)):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
@@ -243,10 +247,9 @@ class ProposalBuilder:
         bound = guidance.hopeless(min(known, default=np.inf))  # of tracked paths, which cost less than what tracks them
         found += mapped(improved, range(len(found), len(references)), self.integral.threads)
         memory.optima = {one: some for one, some in zip(classes, found, strict=True) if some and some[0].valid}
-        lost = classes[1:] if not self.integral.moving else []
-        for one in lost:  # whose references lead to no valid guide
-            if one not in memory.optima and not memory.guided < memory.again.get(one, 0):
-                memory.again[one] = memory.guided + guidance.tuning.again
+        for name, one in zip(names[1:], classes[1:], strict=True):
+            if not self.integral.moving and one not in memory.optima and memory.guided >= memory.again.get(name, 0):
+                memory.again[name] = memory.guided + guidance.tuning.again
         return [some[0] if some else None for some in found]
 
 

@@ -94,9 +94,10 @@ class DDPGuidance:
             # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) at a flat wall.
             push, price, margin = warmth * temperature * position**2, t.barrier_point, t.margin_point
             layer, exponent = (push / force) ** (1.0 / 3.0), -2.0
+        sag = t.sag_point if self.gated else t.sag
         return Task(
             temperature=temperature, margin=margin * layer, least=t.parabola * layer, price=price * push,
-            exponent=exponent, spacing=math.sqrt(8.0 * self.wall_radius * t.sag * layer),
+            exponent=exponent, spacing=math.sqrt(8.0 * self.wall_radius * sag * layer),
             tolerance=t.tolerance * warmth * temperature, steep=t.steepest * math.sqrt(2.0 * rate / temperature),
             far=math.sqrt(2.0 * rate * temperature) / position, active=active, curved=curved,
         )  # fmt: skip

@@ -38,7 +38,9 @@ class ProposalTuning(NamedTuple):
     margin: float = 20.0  # boundary layers beyond which a wall costs nothing
     margin_point: float = 5.0  # boundary layers, for a point among moving obstacles
     parabola: float = 0.2  # boundary layers below which the cost is a parabola, so that it stays finite
-    sag: float = 0.12  # boundary layers by which a wall may bulge towards a path between two points that are priced
+    sag: float = 0.12  # boundary layers by which a wall may bulge towards a path between two points that are priced;
+    # with more, a path that touches a corner between them stops short of its optimum
+    sag_point: float = 0.25  # the same, for a point among moving obstacles
     wall_radii: float = 2.0  # robot radii, the assumed radius of curvature of walls
     wall_radius: float = 0.2  # of that radius at least [m]
     # Laws.
