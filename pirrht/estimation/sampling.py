@@ -50,7 +50,7 @@ TUNING = EstimationTuning()
 
 
 class Effort(NamedTuple):
-    """How many samples a plan draws for how many effective ones."""
+    """Effective samples that a plan wants, and samples that it may draw for them."""
 
     least: float = 0.0  # effective samples up to which more are drawn; 0: no more
     multiple: float = 1.0  # of the batch that is drawn, at most
