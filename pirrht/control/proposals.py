@@ -123,27 +123,47 @@ class ProposalBuilder:
         A plan with too few effective samples fits its laws to those it has and draws again, twice as many each time, up
         to one round more than has enough. It is weighed by the last round alone, whose laws were known before it.
         """
-        integral, memory, effort = self.integral, run.memory, self._effort(run, budget)
-        rounds = effort if self.learns else ONCE
-        batch, multiple, drawn, enough = self.mixture(draft, run), 1.0, 0.0, rounds.least <= 0.0
+        integral, memory = self.integral, run.memory
+        effort = self._effort(run, budget)
+        batch = self.mixture(draft, run)
         integral.proposals.tables(batch)
         run.most = budget.most_classes(len(batch.classes))
-        for number in count():
-            whole = batch.counting([round(multiple * one) for one in batch.counts])
-            estimate = self._round(whole, round_seed(seed, number), run, budget, ONCE if self.learns else effort)
-            drawn, last = drawn + multiple, enough
-            enough = estimate is not None and estimate.ess >= rounds.least
-            if last or (enough and run.time > run.begun) or 2.0 * drawn > rounds.multiple:
-                break
-            batch, multiple = self.mixture(draft, run), drawn
+        if self.learns:
+            batch, estimate, drawn = self._rounds(draft, batch, seed, run, budget, effort)
+        else:
+            estimate = self._round(batch, seed, run, budget, effort)
+            drawn = 0.0 if estimate is None else sum(part.size for part in estimate.parts) / sum(batch.counts)
         if run.time > run.begun and effort.least > 0.0:
-            if not self.learns:
-                drawn = 0.0 if estimate is None else sum(part.size for part in estimate.parts) / sum(batch.counts)
             memory.saved = 0.0 if estimate is None else max(0.0, memory.saved + 1.0 - drawn)
-        if estimate is not None and self.settings.use.alone and batch.classes:
+        if estimate is None:
+            return batch, None
+        if self.settings.use.alone and batch.classes:
             estimate = follow_best(integral.problem, estimate, batch, memory, self.settings.consistency)
-        lost = integral.guidance is not None and batch.classes and estimate is not None and estimate.survivors == 0
-        return whole, None if lost else estimate
+        lost = integral.guidance is not None and batch.classes and estimate.survivors == 0
+        return batch, None if lost else estimate
+
+    def _rounds(
+        self, draft: Draft, batch: Batch, seed: int, run: RunState, budget: TimeBudget, effort: Effort
+    ) -> tuple[Batch, Estimate | None, float]:
+        """Draw rounds of a draft, each twice as large as all before, up to one more than has enough effective samples.
+
+        A later plan of a run whose first round has enough draws no more. Return the last round: its batch, its
+        estimate, and what was drawn in all, in multiples of the batch.
+        """
+        multiple = 1.0
+        drawn = 0.0
+        last = effort.least <= 0.0
+        for number in count():
+            batch = batch.counting([round(multiple * one) for one in batch.counts])
+            estimate = self._round(batch, round_seed(seed, number), run, budget, ONCE)
+            drawn += multiple
+            enough = estimate is not None and estimate.ess >= effort.least
+            if last or (enough and run.time > run.begun) or 2.0 * drawn > effort.multiple:
+                break
+            last = enough
+            batch = self.mixture(draft, run)
+            multiple = drawn
+        return batch, estimate, drawn
 
     def _effort(self, run: RunState, budget: TimeBudget) -> Effort:
         """Return what a plan draws; later plans that follow guides save for weak ones."""
