@@ -8,8 +8,9 @@ its own. For a mass that is exact.
 
 Systems other than points follow a law (`LawRows`): the noise of a step, m numbers or with sways 2 m, has the mean
 (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps end at crossings, up to which
-only passive noise has a likelihood ratio: there L is not used. Without moving obstacles the nearest row counts, since
-noise moves a mass early or late; with them the row that is due. Beyond the last one `Dynamics.homing` takes over.
+only passive noise has a likelihood ratio: steps that are split near walls, or may enter the goal, draw without L.
+Without moving obstacles the nearest row counts, since noise moves a mass early or late; with them the row that is due.
+Beyond the last one `Dynamics.homing` takes over.
 
 The control now is the mean of what paths apply on top of the fast-changing part of their proposal control, which is
 taken at the start. Among moving obstacles that is only a share of a point's linear law (`law_weight`), since close to
