@@ -9,12 +9,11 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch
 
-
 SAMPLES = 60
 
 
 def first_plan(monkeypatch, last: int | None = None) -> tuple[Batch, Estimate, list[int]]:
-    """The batch that a first plan weighs, its estimate, and the numbers of its rounds; round `last` has another seed."""
+    """The batch that a first plan weighs, its estimate, numbers of its rounds; round `last` has another seed."""
     made, numbers, seed_of = controller(samples=SAMPLES, least=1e6), [], proposals.round_seed
 
     def seed(own: int, number: int) -> int:

@@ -31,9 +31,8 @@ def asked(one: Controller) -> float:
 
 
 def course_of(guide: DDPGuide) -> Course:
-    return Course(
-        guide.states, guide.modes, guide.gains, guide.share, guide.inverse, guide.volume, guide.modes, guide.states[:, :2]
-    )
+    law = guide.gains, guide.share, guide.inverse, guide.volume
+    return Course(guide.states, guide.modes, *law, guide.modes, guide.states[:, :2])
 
 
 def test_a_course_at_its_own_pace_is_itself():

@@ -47,8 +47,8 @@ def test_no_step_is_skipped_that_costs_anything(space):
     problem = Problem(dynamics=Rover(b=0.03), scene=space.scene, R=np.diag([2.0, 0.5]))
     integral, rng, k = path_integral(problem, space, Sampling()), np.random.default_rng(0), 50_000
     low, high = space.scene.lower - 0.2, space.scene.upper + 0.2
-    bows = rng.uniform(-2.0, 2.0, (k, 2))
-    steps = np.column_stack([rng.uniform(low, high, (k, 2)), rng.uniform(-0.4, 0.4, (k, 2)), bows, np.full((k, 2), 0.1)])
+    moves, bows = rng.uniform(-0.4, 0.4, (k, 2)), rng.uniform(-2.0, 2.0, (k, 2))
+    steps = np.column_stack([rng.uniform(low, high, (k, 2)), moves, bows, np.full((k, 2), 0.1)])
     costs, any_wall = np.empty((k, 2)), np.empty(k, np.bool_)
     both(integral.setup, integral.guidance.tasks[1.0], steps, costs)
     found(integral.setup, integral.guidance.tasks[1.0], steps, any_wall)
