@@ -10,11 +10,12 @@ from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch
 
 SAMPLES = 60
+ONE_WAY = (1.0, -2.0, 2.0, 0.0)  # a box that leaves one class
 
 
 def first_plan(monkeypatch, last: int | None = None) -> tuple[Batch, Estimate, list[int]]:
     """The batch that a first plan weighs, its estimate, numbers of its rounds; round `last` has another seed."""
-    made, numbers, seed_of = controller(samples=SAMPLES, least=1e6), [], proposals.round_seed
+    made, numbers, seed_of = controller(None, ONE_WAY, samples=SAMPLES, least=1e6), [], proposals.round_seed
 
     def seed(own: int, number: int) -> int:
         numbers.append(number)
