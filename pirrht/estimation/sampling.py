@@ -50,7 +50,7 @@ TUNING = EstimationTuning()
 
 
 class Effort(NamedTuple):
-    """Effective samples that a plan wants, and samples that it may draw for them."""
+    """Say how many samples a plan draws for how many effective ones."""
 
     least: float = 0.0  # effective samples up to which more are drawn; 0: no more
     multiple: float = 1.0  # of the batch that is drawn, at most
@@ -84,7 +84,7 @@ class Sampling:
         draws: "antithetic" pairs of samples with opposite noise, or "independent" ones (the paper's).
         target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
         least: effective samples of the first plan of a run, with 64 N samples at most. Later plans that follow guides
-            draw up to 8 times as many below 10, a quarter more on average at most. 0: plans draw no more.
+            draw up to 8 times as many below 10, at most twice as many on average. 0: plans draw no more.
         budget: with a target, samples around each reference at most; None: 16 N.
         allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper).
         threads: None for all cores this process may use; results do not depend on it.

@@ -70,7 +70,10 @@ def axpy(width: int) -> Any:
 
 @cache
 def matvec(count: int, width: int) -> Any:
-    """Return the function (out, rows, factors), of addresses, that writes sum_k factors_k rows_k of `count` rows."""
+    """Return the function (out, rows, factors), of addresses, that writes sum_k factors_k rows_k of `count` rows.
+
+    `out` is not `factors`.
+    """
 
     @part
     def multiply(out, rows, factors):  # type: ignore[no-untyped-def]

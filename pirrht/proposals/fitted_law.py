@@ -139,6 +139,7 @@ class LawFit:
         regress((states, asked), counts, steps, rows, self.guide.metric, headings, timed, products, sums)
         self.products[:] += products
         self.sums[:] += sums + products @ (law - self._rows(self.guide))
+        self.__dict__.pop("followed", None)  # of what was known before
 
     @cached_property
     def followed(self) -> DDPGuide:

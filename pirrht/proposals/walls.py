@@ -76,7 +76,7 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         return count, w
 
     @borrowing
-    def far_from_walls(setup, task, step):  # type: ignore[no-untyped-def]
+    def unpriced(setup, task, step):  # type: ignore[no-untyped-def]
         """Check whether no wall has a price anywhere on a step, by the clearance of its middle."""
         x, y, dx, dy, bx, by, _, dt = step
         w = 0.125 * dt
@@ -90,7 +90,7 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         A step is (x, y, dx, dy, bx, by, begin, dt): start and displacement [m], loss of velocity [m/s], times [s].
         """
         total, walls = 0.0, space[0]
-        if not among and far_from_walls(setup, task, step):
+        if not among and unpriced(setup, task, step):
             return 0.0
         for k in range(1, points + 1):
             count, _ = walls_at(setup, task, step, k / points, space)
@@ -105,7 +105,7 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         Returns: whether there are any walls; otherwise nothing is written.
         """
         found, walls = False, space[0]
-        if not among and far_from_walls(setup, task, step):
+        if not among and unpriced(setup, task, step):
             return False
         for k in range(1, points + 1):
             t = k / points

@@ -8,8 +8,9 @@ its own. For a mass that is exact.
 
 Systems other than points follow a law (`LawRows`): the noise of a step, m numbers or with sways 2 m, has the mean
 (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps end at crossings, up to which
-only passive noise has a likelihood ratio: there L is not used. Without moving obstacles the nearest row counts, since
-noise moves a mass early or late; with them the row that is due. Beyond the last one `Dynamics.homing` takes over.
+only passive noise has a likelihood ratio: steps that are split near walls, or may enter the goal, draw without L.
+Without moving obstacles the nearest row counts, since noise moves a mass early or late; with them the row that is due.
+Beyond the last one `Dynamics.homing` takes over.
 
 The control now is the mean of what paths apply on top of the fast-changing part of their proposal control, which is
 taken at the start. Among moving obstacles that is only a share of a point's linear law (`law_weight`), since close to
@@ -58,14 +59,14 @@ def log_ratios(kind: KernelSpec) -> Any:
         law = tables.law
         drawn = scratch.drawn
         a = scratch.a
-        off = scratch.off
+        off, normal = scratch.off, scratch.normal
 
         gained, row = 0.0, law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + scratch.stage[g])
         noise, size = scratch.fresh.ctypes.data + 8 * even * (i % steps), dt
         if g != h:  # from what was drawn under h, the noise that g would have had to draw
             axpy(off.ctypes.data, drawn.ctypes.data, 1.0, a.ctypes.data + 8 * a.shape[1] * g, -dt)
-            matvec(off.ctypes.data, row + 8 * inverse, off.ctypes.data)
-            noise, size = off.ctypes.data, 1.0
+            matvec(normal.ctypes.data, row + 8 * inverse, off.ctypes.data)
+            noise, size = normal.ctypes.data, 1.0
         for j in range(modes):
             one = load_float64(noise, j)
             gained += drawn[j] * drawn[j] - size * one * one
@@ -176,7 +177,8 @@ class Scratch(NamedTuple):
     column: Array  # (m,)
     home: Array  # (m,) a beyond the last row of a law
     drawn: Array  # (modes,) noise of the step
-    off: Array  # (modes,) independent normals that another reference would have had to draw for it [sqrt(s)]
+    off: Array  # (modes,) noise of the step less its mean under another reference [sqrt(s)]
+    normal: Array  # (modes,) independent normals that the other would have had to draw for it [sqrt(s)]
     apart: Array  # (n,) state less the law's
     fresh: Array  # independent normals of the next steps
     watch: Any  # notes on moving obstacles (`MovingKernels.watch`)
@@ -206,7 +208,7 @@ def scratch_for(kind: KernelSpec) -> Any:
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)), np.empty((m, m)),
             np.empty((rows, m)), np.zeros((H, modes)), np.empty((1, m)), np.empty(H, np.int64), np.empty(H, np.bool_),
-            np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes), np.zeros(n), np.zeros(fresh),
+            np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes), np.zeros(modes), np.zeros(n), np.zeros(fresh),
             watch(setup.world.moving), np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]),
             np.empty(SPOT), np.empty(NUMBERS, np.float32),
         )  # fmt: skip

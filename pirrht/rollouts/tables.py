@@ -126,8 +126,9 @@ class ProposalTables(NamedTuple):
 class LawRows(NamedTuple):
     """Rows of one proposal's law, R = T FINER of them, as views into `ProposalTables.law`.
 
-    At a state x the noise of a step dt is drawn from N((a + K (x - x_ref)) dt, L L' dt) instead of N(0, I dt), where
-    no noise acts on the position. Kernels evaluate this density for every path, whichever proposal has drawn it.
+    At a state x the noise of a step dt is drawn from N((a + K (x - x_ref)) dt, L L' dt) instead of N(0, I dt); L is
+    left out where a step may end at a crossing (`rollouts.step.shapes_for`). Kernels evaluate this density for every
+    path, whichever proposal has drawn it.
     """
 
     mean: Array  # (R, modes) a [1/sqrt(s)]

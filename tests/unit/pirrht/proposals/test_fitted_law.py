@@ -67,6 +67,14 @@ def test_a_law_that_paths_apply_is_found():
     np.testing.assert_allclose(np.swapaxes(gains, 1, 2)[: L - 1, :, :m], change[: L - 1, 1:], rtol=1e-3, atol=0.1)
 
 
+def test_the_law_that_is_followed_is_that_of_all_that_was_learned():
+    one = guide()
+    fit, ones = LawFit.of(one), np.ones((one.length, one.dynamics.n + 1, one.dynamics.m))
+    np.testing.assert_array_equal(fit.followed.modes, one.modes)
+    fit.learn(paths(one, ones), np.ones((40, 2)), one, timed=True)
+    assert not np.array_equal(fit.followed.modes, one.modes)
+
+
 def test_what_is_known_stays_where_it_was_found_and_fades():
     one = guide()
     fit = LawFit.of(one)
