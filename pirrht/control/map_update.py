@@ -47,7 +47,11 @@ def renewed(
 
 def continue_among(space: FreeSpace, run: RunState) -> None:
     """Continue a run among other static obstacles; classes keep their names, and memory while their paths are free."""
-    path, memory, before, goal = run.path, run.memory, run.homology, space.scene.goal.center
+    path = run.path
+    memory = run.memory
+    before = run.homology
+    goal = space.scene.goal.center
+
     path.enter(space.homology)
     rests = {whole: guide.rest(run.since_plan, goal) for whole, (guide, *_) in memory.optima.items()}
     lines = {whole: np.vstack(one.points(SPACING)) for whole, one in memory.paths.items()}

@@ -61,16 +61,19 @@ class ProposalBuilder:
         """Return what a plan at x (n,) samples around references, or passive dynamics if there is none."""
         integral, memory, samples = self.integral, run.memory, self.integral.sampling.samples
         trajectories, guidance = [reference.trajectory for reference in references], self.integral.guidance
-        times, classes = integral.grid(least_cost(integral.problem, x, trajectories)), from_start(run, references)
+        times = integral.grid(least_cost(integral.problem, x, trajectories))
+        classes = from_start(run, references)
         driven, homology = run.path.winding(), run.homology
         others = {homology.key(integers(np.subtract(one, driven))): homology.name(one) for one in memory.paths}
         if not references:
             still = Proposal(lead=Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m))), count=samples)
             return Draft(batch=Batch(state=x, times=times, proposals=(still,), time=run.now, others=others))
         allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
-        names, keys = [*map(homology.name, classes)], [homology.key(one.winding) for one in references]
+        names = [*map(homology.name, classes)]
+        keys = [homology.key(one.winding) for one in references]
         controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
-        predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
+        predicted = [one.promise for one in controls]
+        worth = [one.follows for one in controls]
         counts = [samples] * len(classes)
 
         def followed(guide: DDPGuide) -> ProposalControl:
@@ -87,7 +90,8 @@ class ProposalBuilder:
             controls = [one if guide is None else followed(guide) for one, guide in pairs]
         if guidance is not None:
             counts = guidance.counts(guides, samples)
-            predicted, worth = [0.0] * len(counts), [count > TUNING.few for count in counts]  # costs are too rough
+            predicted = [0.0] * len(counts)  # costs are too rough
+            worth = [count > TUNING.few for count in counts]
             memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
         if allocates:  # by contributions in earlier plans
             counts = memory.allocation.counts(names, predicted, worth, samples)
@@ -209,10 +213,14 @@ class ProposalBuilder:
         paths, log_weight, _ = all_samples(estimate.parts)
         multiple = len(log_weight) / (integral.sampling.samples * max(1, len(batch.classes)))
         enough = estimate.ess >= TUNING.fit_enough * max(1.0, multiple)
-        most, fits = TUNING.fit_most * max(1.0, multiple), dict[ClassFromStart, LawFit]()
+        most = TUNING.fit_most * max(1.0, multiple)
+        fits = dict[ClassFromStart, LawFit]()
+
         for one, (guide, *_) in memory.optima.items():
-            name, key = run.homology.name(one), run.homology.key(integers(np.subtract(one, driven)))
-            weight, fit = estimate.class_weights.get(name, 0.0), memory.fits.get(one)
+            name = run.homology.name(one)
+            key = run.homology.key(integers(np.subtract(one, driven)))
+            weight = estimate.class_weights.get(name, 0.0)
+            fit = memory.fits.get(one)
             of_class = [h for h, proposal in enumerate(batch.proposals) if proposal.name == name]
             own = np.flatnonzero((paths.key == key) & (paths.outcome == Outcome.GOAL))
             if fit is not None and fit.guide is guide:
@@ -239,14 +247,18 @@ class ProposalBuilder:
         except the cheapest, which is improved as long as there is time. Hopeless classes of tracked paths get none.
         """
         guidance, memory, short = self.integral.proposals.nominal, run.memory, budget.short
-        classes, anew = from_start(run, references), not memory.optima and not short()
+        classes = from_start(run, references)
+        anew = not memory.optima and not short()
         names = [*map(run.homology.name, classes)]
         memory.guided += 1
         some = guidance.tuning.later_paces
         paces = some[memory.guided % len(some)] if memory.weak else ()
 
         def improved(k: int) -> list[DDPGuide]:
-            one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
+            one = references[k]
+            last = memory.optima.get(classes[k], [])
+            late = k > 0 and short()
+
             waits = memory.guided < memory.again.get(names[k], 0)
             if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and (late or waits)):
                 return []  # new ones take ten times as long

@@ -44,7 +44,8 @@ def extract_references(
         if not run.planned and tree.too_fast(x):
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
         raise
-    classes, left_out = from_start(run, found), {} if run.most is None else memory.paths
+    classes = from_start(run, found)
+    left_out = {} if run.most is None else memory.paths
     memory.paths = left_out | {one: reference.path for one, reference in zip(classes, found, strict=True)}
     if method.most is not None:
         return found[: method.most][: run.most]

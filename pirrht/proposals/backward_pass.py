@@ -46,8 +46,10 @@ def diagonalise(A, vectors):  # type: ignore[no-untyped-def]
                 s = t * c
                 for k in range(m):
                     A[k, i], A[k, j] = c * A[k, i] - s * A[k, j], s * A[k, i] + c * A[k, j]
-                    one, other = vectors[k, i], vectors[k, j]
-                    vectors[k, i], vectors[k, j] = c * one - s * other, s * one + c * other
+                    one = vectors[k, i]
+                    other = vectors[k, j]
+                    vectors[k, i] = c * one - s * other
+                    vectors[k, j] = s * one + c * other
                 for k in range(m):
                     A[i, k], A[j, k] = c * A[i, k] - s * A[j, k], s * A[i, k] + c * A[j, k]
 
@@ -97,7 +99,10 @@ def through_step(v, W, K, S, lead, g, Q):  # type: ignore[no-untyped-def]
 @borrowing
 def respond(course, i, passive, damping, g, Q, work):  # type: ignore[no-untyped-def]
     """Write change, gains, share, inverse and volume of step i, the best response to g and Q; its gain [cost]."""
-    (stiff, vectors, inverted, bows), modes, least = work, work[0].shape[0], TUNING.least_curvature * passive
+    stiff, vectors, inverted, bows = work
+    modes = work[0].shape[0]
+    least = TUNING.least_curvature * passive
+
     n, expected = g.shape[0] - modes, 0.0
     copy_rows(Q[n:, n:], stiff)
     diagonalise(stiff, vectors)
@@ -147,9 +152,15 @@ def backward_pass(kind: KernelSpec) -> Any:
         """Write derivatives of positions and loss of velocity in the states x, z (n,) of a step to `chain` (6, 2 n)."""
         for k in range(2):
             chain[k, k] = chain[2 + k, n + k] = 1.0
-        up, down, nudge = np.zeros(n), np.zeros(n), TUNING.nudge
+
+        up = np.zeros(n)
+        down = np.zeros(n)
+        nudge = TUNING.nudge
+
         for end in range(2 if bends else 0):
-            at, sign = x.copy() if end == 0 else z.copy(), 1.0 - 2.0 * end
+            at = x.copy() if end == 0 else z.copy()
+            sign = 1.0 - 2.0 * end
+
             for i in range(n):
                 here = at[i]
                 at[i] = here + nudge
@@ -168,7 +179,8 @@ def backward_pass(kind: KernelSpec) -> Any:
             velocity(setup, states[i], f)
             velocity(setup, states[i + 1], other)
             bx, by = f[0] - other[0], f[1] - other[1]
-        x, y, dt = states[i, 0], states[i, 1], times[i + 1] - times[i]
+        x, y = states[i, 0], states[i, 1]
+        dt = times[i + 1] - times[i]
         step = (x, y, states[i + 1, 0] - x, states[i + 1, 1] - y, bx, by, times[i], dt)
         near = expand_clearance(setup, task, step, points, walls, slope, bend)
         if near:
@@ -186,11 +198,27 @@ def backward_pass(kind: KernelSpec) -> Any:
         It writes the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of steps
         [s], `damping` is added to the controls' curvature, as a share of lambda dt.
         """
-        states, control, aims, modes = course.states, course.control, course.aims, course.control.shape[1]
-        N, bends, expected = n + modes, not noisy_position and modes > m, 0.0
-        v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(2 * n), np.zeros((2 * n, 2 * n))
-        K, S, Q, g = np.zeros((2 * n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
-        lead, stiff = np.zeros((2 * n, N)), np.zeros((modes, modes))
+        states = course.states
+        control = course.control
+        aims = course.aims
+        modes = course.control.shape[1]
+
+        N = n + modes
+        bends = not noisy_position and modes > m
+        expected = 0.0
+
+        v = np.zeros(n)
+        W = np.zeros((n, n))
+        costate = np.zeros(2 * n)
+        P = np.zeros((2 * n, 2 * n))
+
+        K = np.zeros((2 * n + 1, N))
+        S = np.zeros((N, N))
+        Q = np.zeros((N, N))
+        g = np.zeros(N)
+
+        lead = np.zeros((2 * n, N))
+        stiff = np.zeros((modes, modes))
         ends = (
             np.zeros(n), np.zeros(n), scratch_walls(setup), bends, np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)),
             np.zeros((6, 2 * n)),

@@ -28,8 +28,14 @@ from pirrht.topology.moving_crossings import key_of_path
 @cache
 def optimiser(kind: KernelSpec) -> Any:
     """Build the kernel that optimises trajectories of one kind of dynamics."""
-    (velocity, _, _, forward), backward = forward_pass(kind), backward_pass(kind)
-    n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving is not None
+    velocity, _, _, forward = forward_pass(kind)
+    backward = backward_pass(kind)
+
+    n = kind.n
+    m = kind.m
+    noisy_position = kind.noisy_position
+    moving = kind.moving is not None
+
     among = kind.moving or NOTHING_MOVES
     watch, sweep = among.watch, among.sweep
 
@@ -40,7 +46,10 @@ def optimiser(kind: KernelSpec) -> Any:
         if moving:
             notes = watch(setup.world.moving)
         for i in range(length):
-            x, y, to_x, to_y = states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1]
+            x, y = states[i, 0], states[i, 1]
+            to_x = states[i + 1, 0]
+            to_y = states[i + 1, 1]
+
             dt = times[i + 1] - times[i]
             if bows:
                 velocity(setup, states[i], f[0])
@@ -104,7 +113,8 @@ def optimiser(kind: KernelSpec) -> Any:
         """
         states, control, gains, share, inverse, volume, change, aims = course
         flat = not noisy_position and control.shape[1] > m
-        other, tried = np.zeros(states.shape), np.zeros(control.shape)
+        other = np.zeros(states.shape)
+        tried = np.zeros(control.shape)
         trial = COURSE(other, tried, gains, share, inverse, volume, change, aims)
         copy_row(states[0], other[0])
         steps, _, _ = forward(setup, task, times, course, length, 0.0, 1, trial)

@@ -81,10 +81,16 @@ def wall(k, r, per, bent, steep, c, d):  # type: ignore[no-untyped-def]
     """
     square = SINGLE.four * c * d
     far = math.sqrt(r * r + square)
-    other, ratio, inverse = bend(k * far), r / far, ONE / far
+
+    other = bend(k * far)
+    ratio = r / far
+    inverse = ONE / far
+
     image = exponential(-k * square / (far + r)) * math.sqrt((ONE + other) / (ONE + bent) * ratio) * ratio
     left = max(ONE - image, SINGLE.tiny)
-    odds, down = image / left, fall(k, inverse, other)
+    odds = image / left
+    down = fall(k, inverse, other)
+
     return left, odds * down * TWO * d * inverse, max(odds * (steep - down * ratio), ZERO)
 
 
@@ -97,7 +103,9 @@ def wall_distance(here, dx, dy, first, second):  # type: ignore[no-untyped-def]
     """
     (c, nx, ny), (near, mx, my), (far, ox, oy) = here, first, second
     plane = c + dx * nx + dy * ny
-    one, other = nx * mx + ny * my > ALIKE, nx * ox + ny * oy > ALIKE
+    one = nx * mx + ny * my > ALIKE
+    other = nx * ox + ny * oy > ALIKE
+
     return near if one else (far if other else (plane if plane > ZERO else near))
 
 
@@ -107,23 +115,40 @@ def propagate(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
 
     line: its point and unit normal.
     """
-    px, py, tx, ty = np.float32(line[0]), np.float32(line[1]), np.float32(line[2]), np.float32(line[3])
+    px = np.float32(line[0])
+    py = np.float32(line[1])
+    tx = np.float32(line[2])
+    ty = np.float32(line[3])
+
     for i in range(WIDTH):
-        f[TOP + i], f[WHOLE + i], f[LOG_PSI + i], f[SLOPE_X + i] = SINGLE.nothing, ZERO, ZERO, ZERO
+        f[TOP + i] = SINGLE.nothing
+        f[WHOLE + i] = ZERO
+        f[LOG_PSI + i] = ZERO
+        f[SLOPE_X + i] = ZERO
+
         f[SLOPE_Y + i], f[PUSH + i], f[PUSH_NEXT + i] = ZERO, ZERO, ZERO
     for j in range(J):
-        ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
+        ax = known[PLACE_X + j]
+        ay = known[PLACE_Y + j]
+        level = known[LOG_PSI + j]
+
         for i in range(WIDTH if level > SINGLE.negligible else 0):
-            dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
+            dx = ax - f[PLACE_X + i]
+            dy = ay - f[PLACE_Y + i]
             f[TOP + i] = max(f[TOP + i], level - k * math.sqrt(dx * dx + dy * dy))
     for j in range(J):
-        ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
+        ax = known[PLACE_X + j]
+        ay = known[PLACE_Y + j]
+        level = known[LOG_PSI + j]
+
         first = known[WALL + j], known[WALL_X + j], known[WALL_Y + j]
         second = known[NEXT + j], known[NEXT_X + j], known[NEXT_Y + j]
         for i in range(WIDTH):
-            dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
+            dx = ax - f[PLACE_X + i]
+            dy = ay - f[PLACE_Y + i]
             r = math.sqrt(dx * dx + dy * dy) + SINGLE.tiny
-            per, along = ONE / r, max(dx * tx + dy * ty, SINGLE.tiny)
+            per = ONE / r
+            along = max(dx * tx + dy * ty, SINGLE.tiny)
             ahead = (px - f[PLACE_X + i]) * tx + (py - f[PLACE_Y + i]) * ty
             bent = bend(k * r)
             steep = fall(k, per, bent)
@@ -135,7 +160,8 @@ def propagate(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
             share, push, nearer = wall(k, r, per, bent, steep, f[WALL + i], c)
             other, press, too = wall(k, r, per, bent, steep, f[NEXT + i], d)
             weight = density * exponential(min(level - k * r - f[TOP + i], ZERO)) * share * other
-            inward, across = (steep + nearer + too) * per * weight, weight / along
+            inward = (steep + nearer + too) * per * weight
+            across = weight / along
             f[LOG_PSI + i] += weight
             f[SLOPE_X + i] += inward * dx - across * tx
             f[SLOPE_Y + i] += inward * dy - across * ty
@@ -144,8 +170,10 @@ def propagate(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
     for i in range(WIDTH):
         psi = max(f[LOG_PSI + i], SINGLE.least)
         per = ONE / psi
-        f[SLOPE_X + i], f[SLOPE_Y + i] = per * f[SLOPE_X + i], per * f[SLOPE_Y + i]
-        f[PUSH + i], f[PUSH_NEXT + i] = per * f[PUSH + i], per * f[PUSH_NEXT + i]
+        f[SLOPE_X + i] = per * f[SLOPE_X + i]
+        f[SLOPE_Y + i] = per * f[SLOPE_Y + i]
+        f[PUSH + i] = per * f[PUSH + i]
+        f[PUSH_NEXT + i] = per * f[PUSH_NEXT + i]
         # Between nodes that noise hardly spreads over, a sum can exceed what reaches the whole line, exp(-k ahead).
         f[LOG_PSI + i] = f[TOP + i] + logarithm(psi) - logarithm(max(f[WHOLE + i], ONE))
 
@@ -155,18 +183,22 @@ def goal_kernel(k, goal, radius, f):  # type: ignore[no-untyped-def]
     """Fill the rows of f (ROWS,) where the goal is in sight: psi of its disc in the open, and walls up to its rim."""
     k, radius, most = np.float32(k), np.float32(radius), np.float32(0.5 / k)
     for i in range(WIDTH):
-        dx, dy = np.float32(goal[0]) - f[PLACE_X + i], np.float32(goal[1]) - f[PLACE_Y + i]
+        dx = np.float32(goal[0]) - f[PLACE_X + i]
+        dy = np.float32(goal[1]) - f[PLACE_Y + i]
         r = max(math.sqrt(dx * dx + dy * dy), radius)
         length = r - radius + most
-        bent, to_rim = bend(k * length), ONE - radius / r
+        bent = bend(k * length)
+        to_rim = ONE - radius / r
         steep = fall(k, ONE / length, bent)
-        c, d = f[WALL + i], f[NEXT + i]
+        c = f[WALL + i]
+        d = f[NEXT + i]
         near = c + to_rim * (dx * f[WALL_X + i] + dy * f[WALL_Y + i])
         far = d + to_rim * (dx * f[NEXT_X + i] + dy * f[NEXT_Y + i])
         one, f[PUSH + i], _ = wall(k, length, ONE / length, bent, steep, c, near if near > ZERO else c)
         two, f[PUSH_NEXT + i], _ = wall(k, length, ONE / length, bent, steep, d, far if far > ZERO else d)
         inward = (k + HALF / r) / r
-        f[SLOPE_X + i], f[SLOPE_Y + i] = inward * dx, inward * dy
+        f[SLOPE_X + i] = inward * dx
+        f[SLOPE_Y + i] = inward * dy
         f[LOG_PSI + i] = HALF * logarithm(radius / r) - k * (r - radius) + logarithm(one) + logarithm(two)
 
 
@@ -193,11 +225,21 @@ def sections_of(field, line, radius, decay):  # type: ignore[no-untyped-def]
     for i in range(last + 1):
         whole += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
     most = 2 + line.shape[0] + int(whole / TUNING.section_least)
-    point, ahead, ends = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
-    count, s, since, apart, ux, uy = 0, 0.0, math.inf, TUNING.section_apart, 1.0, 0.0
+
+    point = np.empty((most, 2))
+    ahead = np.empty((most, 2))
+    ends = np.empty((most, 2))
+
+    count = 0
+    s = 0.0
+    since = math.inf
+    apart = TUNING.section_apart
+    ux, uy = 1.0, 0.0
+
     for i in range(last + 1):
         x, y = line[i, 0], line[i, 1]
-        dx, dy = line[i + 1, 0] - x, line[i + 1, 1] - y
+        dx = line[i + 1, 0] - x
+        dy = line[i + 1, 1] - y
         leg = math.hypot(dx, dy)
         if leg <= 0.0:
             continue
@@ -217,7 +259,12 @@ def sections_of(field, line, radius, decay):  # type: ignore[no-untyped-def]
                 px, py = x + t * ux, y + t * uy
                 ends[count, 0], left_wall = _march(field, px, py, -cy, cx, across)
                 ends[count, 1], right_wall = _march(field, px, py, cy, -cx, across)
-                point[count, 0], point[count, 1], ahead[count, 0], ahead[count, 1] = px, py, cx, cy
+
+                point[count, 0] = px
+                point[count, 1] = py
+                ahead[count, 0] = cx
+                ahead[count, 1] = cy
+
                 free = max(clearance(field, px, py) - across, 0.0)
                 stride = min(TUNING.section_stride + TUNING.section_widening * free, TUNING.section_widest)
                 apart = TUNING.section_apart
@@ -230,7 +277,8 @@ def sections_of(field, line, radius, decay):  # type: ignore[no-untyped-def]
                 stride = apart - since
             left = end - t
             stride = left if stride >= left else min(stride, max(0.5 * left, apart))
-            t, since = t + stride, since + stride
+            t = t + stride
+            since = since + stride
         s += leg
     return point[:count], ahead[:count], ends[:count]
 
@@ -254,7 +302,8 @@ class DesirabilityAscent(ProposalControl):
         whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
         cut = sections_of(arena.field, whole, arena.radius, decay)
         C, J = len(cut[0]), TUNING.nodes
-        place, slope = np.zeros((1, C, PLACE), np.float32), np.zeros((1, C, J, KNOWN), np.float32)
+        place = np.zeros((1, C, PLACE), np.float32)
+        slope = np.zeros((1, C, J, KNOWN), np.float32)
         log_psi = float(_transfer(arena, cut, decay, place[0], slope[0]))
         return cls(DesirabilityTubes(np.array([C]), place, slope, decay), arena.goal, push.gain(x), push, log_psi)
 
@@ -272,7 +321,8 @@ class DesirabilityAscent(ProposalControl):
     def pack(self, leads: ProposalTables, h: int) -> None:
         """Write the tube to the first C cross-sections of the row in `ProposalTables.ways`, and their number."""
         count = leads.ways.count[h] = self.sections
-        leads.ways.place[h, :count], leads.ways.slope[h, :count] = self.tubes.place[0], self.tubes.slope[0]
+        leads.ways.place[h, :count] = self.tubes.place[0]
+        leads.ways.slope[h, :count] = self.tubes.slope[0]
 
 
 @inlined
@@ -291,8 +341,10 @@ def _reach(c, push):  # type: ignore[no-untyped-def]
 @kernel
 def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
     """Write the reach of the walls to the left and to the right of the direction (tx, ty) at node j to out (2,) [m]."""
-    near, far = _reach(f[WALL + j], f[PUSH + j]), _reach(f[NEXT + j], f[PUSH_NEXT + j])
-    across, other = f[WALL_X + j] * ty - f[WALL_Y + j] * tx, f[NEXT_X + j] * ty - f[NEXT_Y + j] * tx
+    near = _reach(f[WALL + j], f[PUSH + j])
+    far = _reach(f[NEXT + j], f[PUSH_NEXT + j])
+    across = f[WALL_X + j] * ty - f[WALL_Y + j] * tx
+    other = f[NEXT_X + j] * ty - f[NEXT_Y + j] * tx
     out[0], out[1] = (near, 0.0) if across > 0.0 else (0.0, near)
     if (across > 0.0) != (other > 0.0):
         out[1 if across > 0.0 else 0] = far
@@ -304,21 +356,26 @@ def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
 def _lay(field, cut, c, J, step, f):  # type: ignore[no-untyped-def]
     """Write the J nodes of cross-section c to rows f, and the point on the reference after the last."""
     point, ahead, ends = cut
-    px, py, tx, ty = point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1]
+    px, py = point[c, 0], point[c, 1]
+    tx, ty = ahead[c, 0], ahead[c, 1]
+
     for j in range(WIDTH):
         left = (j + 0.5) * step - ends[c, 1] if j < J else 0.0
         x, y = px - left * ty, py + left * tx
         f[PLACE_X + j], f[PLACE_Y + j] = x, y
         near, f[WALL_X + j], f[WALL_Y + j], far, f[NEXT_X + j], f[NEXT_Y + j] = two_walls(field, x, y)
-        f[WALL + j], f[NEXT + j] = max(near, TUNING.closest), max(far, TUNING.closest)
+        f[WALL + j] = max(near, TUNING.closest)
+        f[NEXT + j] = max(far, TUNING.closest)
 
 
 @kernel
 def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
     """Fill `place` and `slope` of a tube from `sections_of`, from the goal back; return log psi at the start."""
     point, ahead, ends = cut
-    C, J = slope.shape[0], slope.shape[1]
-    f, known = np.zeros(ROWS, np.float32), np.zeros(ROWS, np.float32)
+    C = slope.shape[0]
+    J = slope.shape[1]
+    f = np.zeros(ROWS, np.float32)
+    known = np.zeros(ROWS, np.float32)
     base, wide = 0.0, 0.0  # log psi that the rows are relative to; spacing of the nodes on the next cross-section
     for c in range(C - 1, -1, -1):
         tx, ty = ahead[c, 0], ahead[c, 1]
@@ -331,10 +388,13 @@ def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
             propagate(np.float32(k), line, J, np.float32(wide), known, f)
         wide = step
         for j in range(J):
-            slope[c, j, 0], slope[c, j, 1] = f[SLOPE_X + j], f[SLOPE_Y + j]
+            slope[c, j, 0] = f[SLOPE_X + j]
+            slope[c, j, 1] = f[SLOPE_Y + j]
             _to_sides(f, j, tx, ty, slope[c, j, 2:])
         place[c, :2], place[c, 2], place[c, 3] = point[c], tx, ty
-        place[c, 4], place[c, 5] = 0.5 * step - ends[c, 1], 1.0 / step
+        place[c, 4] = 0.5 * step - ends[c, 1]
+        place[c, 5] = 1.0 / step
+
         if c > 0:
             top = f[LOG_PSI]
             for j in range(1, J):

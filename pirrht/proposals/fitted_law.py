@@ -52,7 +52,9 @@ def regress(paths, counts, steps, rows, metric, angles, timed, products, sums): 
     """
     (states, asked), (reference, law) = paths, rows
     (c, _, m), (L, n) = asked.shape, reference.shape
-    z, other = np.ones(n + 1), np.ones(n + 1)
+    z = np.ones(n + 1)
+    other = np.ones(n + 1)
+
     for s in range(c):
         r = 0
         for i in range(steps[s] - 1):
@@ -100,7 +102,10 @@ class LawFit:
 
         Each row goes to the nearest one, or if `timed` to the one that is due, unless that is farther than a step.
         """
-        new, d, before = LawFit.of(guide, self.tuning), guide.dynamics, self.guide.states[: len(self.products)]
+        new = LawFit.of(guide, self.tuning)
+        d = guide.dynamics
+        before = self.guide.states[: len(self.products)]
+
         states = guide.states[: len(new.products)]
         if timed:  # between two rows, both have a share
             due = self.guide.times[: len(before)] - elapsed
@@ -116,7 +121,8 @@ class LawFit:
             off = d.difference(before, states[here])
             pace = (guide.metric * d.difference(guide.states[here + 1], states[here]) ** 2).sum(axis=1)
             near = (row == here) & ((guide.metric * off**2).sum(axis=1) <= pace)
-            weight, shift = np.where(near, share, 0.0)[:, None, None], np.tile(np.eye(d.n + 1), (len(row), 1, 1))
+            weight = np.where(near, share, 0.0)[:, None, None]
+            shift = np.tile(np.eye(d.n + 1), (len(row), 1, 1))
             shift[:, 1:, 0] = off
             np.add.at(new.products, here, weight * (shift @ self.products @ np.swapaxes(shift, 1, 2)))
             np.add.at(new.sums, here, weight * (shift @ self.sums))
@@ -133,8 +139,13 @@ class LawFit:
         Their noise is on top of the law that a guide around the same trajectory has, which they followed.
         """
         states, asked, steps = paths
-        L, headings, law = len(self.products), sum(1 << i for i in self.guide.dynamics.angles), self._rows(followed)
-        products, sums = np.zeros_like(self.products), np.zeros_like(self.sums)
+
+        L = len(self.products)
+        headings = sum(1 << i for i in self.guide.dynamics.angles)
+        law = self._rows(followed)
+
+        products = np.zeros_like(self.products)
+        sums = np.zeros_like(self.sums)
         rows = self.guide.states[:L], law
         regress((states, asked), counts, steps, rows, self.guide.metric, headings, timed, products, sums)
         self.products[:] += products
@@ -145,11 +156,13 @@ class LawFit:
     def followed(self) -> DDPGuide:
         """The guide with the law that was learned."""
         guide, (L, p, m) = self.guide, self.sums.shape
-        A, B = pooled(self.products, self.tuning.fit_rows), pooled(self.sums, self.tuning.fit_rows)
+        A = pooled(self.products, self.tuning.fit_rows)
+        B = pooled(self.sums, self.tuning.fit_rows)
         count = np.maximum(A[:, 0, 0], 1e-9)
         ridge = (self.tuning.fit_prior / np.diff(guide.times)[:L] / count)[:, None] * np.einsum("lii->li", A)
         change = np.linalg.solve(A + np.maximum(ridge, 1e-12)[:, :, None] * np.eye(p), B)
-        modes, gains = guide.modes.copy(), guide.gains.copy()
+        modes = guide.modes.copy()
+        gains = guide.gains.copy()
         modes[:L, :m] += change[:, 0]
         gains[:L, :m] += np.swapaxes(change[:, 1:], 1, 2)
         return replace(guide, modes=modes, gains=gains)
@@ -176,7 +189,8 @@ def chosen(log_weight: Array, log_share: Array, most: int, tuning: ProposalTunin
     Args: log dP*/dQ of survivors (S,), Q being the law that was followed, and log dQ/dM, M being the mixture that they
         were drawn from, both up to a constant [nats]; how many are drawn, in proportion to what they count.
     """
-    base, relative = np.exp(log_share - log_share.max()), log_weight - log_weight.max()
+    base = np.exp(log_share - log_share.max())
+    relative = log_weight - log_weight.max()
     base /= base.sum()
     best, power, weight = 0.0, 1.0, base
     for one in tuning.fit_powers:

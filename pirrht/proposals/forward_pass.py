@@ -32,11 +32,25 @@ class ForwardPass(NamedTuple):
 @cache
 def forward_pass(kind: KernelSpec) -> ForwardPass:
     """Build the kernels of one kind of dynamics."""
-    drift, q, n, m, rows, stratonovich = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.stratonovich
-    varying_rate, noisy_position, angles, homing_of = kind.varying_rate, kind.noisy_position, kind.angles, kind.homing
+    drift = kind.drift
+    q = kind.q
+    n = kind.n
+    m = kind.m
+    rows = kind.rows
+    stratonovich = kind.stratonovich
+
+    varying_rate = kind.varying_rate
+    noisy_position = kind.noisy_position
+    angles = kind.angles
+    homing_of = kind.homing
+
     varying = kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if varying else drift
-    fixed, through_inputs, all_vary = n - rows, kind.input_form and varying, varying or stratonovich
+
+    fixed = n - rows
+    through_inputs = kind.input_form and varying
+    all_vary = varying or stratonovich
+
     scratch_walls, clearance_cost, _ = clearance_costs(kind.moving)
     stranded = noisy_position and homing_of is no_homing
     along_line = kind.along_line
@@ -105,7 +119,9 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
 
         It has no kink at the rim, which would be a wall to a guide whose last step ends on it.
         """
-        gx, gy = setup.world.goal[0] - x[0], setup.world.goal[1] - x[1]
+        gx = setup.world.goal[0] - x[0]
+        gy = setup.world.goal[1] - x[1]
+
         if noisy_position and not along_line:
             return far * (math.sqrt(gx * gx + gy * gy) - setup.world.radius)
         if along_line:
@@ -114,7 +130,8 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         else:
             rate = velocity(setup, x, f)
             speed = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-3)
-        along, square = (gx * f[0] + gy * f[1]) / speed, setup.world.radius**2
+        along = (gx * f[0] + gy * f[1]) / speed
+        square = setup.world.radius**2
         off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
         return rate * (along - math.sqrt(off)) / speed
 
@@ -142,8 +159,16 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     @kernel
     def differentiate(setup, at, which, nudge, curved, work, out):  # type: ignore[no-untyped-def]
         """Write first derivatives to J and second ones to F, of the weighted displacement, and R, of q dt."""
-        (J, F, R), count, up, down = out, which.shape[0], np.empty(nudge.shape), np.empty(nudge.shape)
-        up_rate, down_rate, ahead, behind = np.empty(nudge.shape), np.empty(nudge.shape), np.zeros(n), np.zeros(n)
+        J, F, R = out
+        count = which.shape[0]
+        up = np.empty(nudge.shape)
+        down = np.empty(nudge.shape)
+
+        up_rate = np.empty(nudge.shape)
+        down_rate = np.empty(nudge.shape)
+        ahead = np.zeros(n)
+        behind = np.zeros(n)
+
         here, rate = probe(setup, at, 0, 0.0, 0, 0.0, work, ahead)
         for c in range(count):
             i = which[c]
@@ -159,18 +184,25 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             R[i, i] = (up_rate[i] - 2.0 * rate + down_rate[i]) / (h * h)
             for e in range(c):
                 k = which[e]
-                total, cost = 2.0 * here - up[i] - up[k] - down[i] - down[k], 2.0 * rate
+                total = 2.0 * here - up[i] - up[k] - down[i] - down[k]
+                cost = 2.0 * rate
                 cost -= up_rate[i] + up_rate[k] + down_rate[i] + down_rate[k]
                 for sign in (1.0, -1.0):
                     more, other = probe(setup, at, i, sign * h, k, sign * nudge[k], work, ahead)
-                    total, cost = total + more, cost + other
-                F[i, k], R[i, k] = 0.5 * total / (h * nudge[k]), 0.5 * cost / (h * nudge[k])
-                F[k, i], R[k, i] = F[i, k], R[i, k]
+                    total = total + more
+                    cost = cost + other
+                F[i, k] = 0.5 * total / (h * nudge[k])
+                R[i, k] = 0.5 * cost / (h * nudge[k])
+                F[k, i] = F[i, k]
+                R[k, i] = R[i, k]
 
     @kernel
     def chain(setup, dt, which, J, F, S):  # type: ignore[no-untyped-def]
         """Complete derivatives in the states where B is constant: modes move the state at which the drift is taken."""
-        N, B, D = J.shape[1], setup.diffusion, np.zeros((n, J.shape[1]))
+        N = J.shape[1]
+        B = setup.diffusion
+        D = np.zeros((n, J.shape[1]))
+
         for i in range(n):
             D[i, i] = 1.0
         for j in range(rows if setup.bridge and not noisy_position else 0):
@@ -198,8 +230,10 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         """
         x, a, dt, costate = at
         N, size, count = n + a.shape[0], 0.0, 0
-        which, work = np.empty(N, np.int64), (np.empty(n), np.empty(a.shape[0]), np.zeros((2, rows, m)), np.empty(n))
-        F, nudge = np.zeros((N, N)), np.full(N, TUNING.nudge)
+        which = np.empty(N, np.int64)
+        work = (np.empty(n), np.empty(a.shape[0]), np.zeros((2, rows, m)), np.empty(n))
+        F = np.zeros((N, N))
+        nudge = np.full(N, TUNING.nudge)
         J[:, :], S[:, :] = 0.0, 0.0
         for i in range(N if all_vary else n):
             if all_vary or (active >> i) & 1:
@@ -223,8 +257,10 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     @kernel
     def expand_end(setup, far, x, v, W):  # type: ignore[no-untyped-def]
         """Expand `arrival` at x (n,), to v (n,) and W (n, n)."""
-        work, at = (np.empty(n), np.empty(m), np.zeros((2, rows, m)), np.empty(n)), (x, np.zeros(m), 0.0, x, far)
-        J, F = np.zeros((n + 1, n)), np.zeros((n, n))
+        work = (np.empty(n), np.empty(m), np.zeros((2, rows, m)), np.empty(n))
+        at = (x, np.zeros(m), 0.0, x, far)
+        J = np.zeros((n + 1, n))
+        F = np.zeros((n, n))
         differentiate(setup, at, np.arange(n), np.full(n, TUNING.nudge), True, work, (J, F, W))
         copy_row(J[n], v)
 
@@ -268,23 +304,35 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
         """
         states, applied, aims = tried.states, tried.control, course.aims
-        f, B, x, bow, walls = np.zeros(n), np.zeros((2, rows, m)), np.empty(n), np.zeros(2), scratch_walls(setup)
+
+        f = np.zeros(n)
+        B = np.zeros((2, rows, m))
+        x = np.empty(n)
+        bow = np.zeros(2)
+        walls = scratch_walls(setup)
+
         cost, priced, held = 0.0, 0.0, task.hold > 0.0
         bends = not noisy_position and applied.shape[1] > m
         displacement(setup, states[0], applied[0], 0.0, B, f, x)  # for B
         for i in range(length if held else times.shape[0] - 1):
-            dt, u, ahead = times[i + 1] - times[i], applied[i], False
+            dt = times[i + 1] - times[i]
+            u = applied[i]
+            ahead = False
+
             copy_row(states[i], x)
             if not noisy_position:
                 velocity(setup, x, f)
                 ahead = not held and _enters(setup, x[0], x[1], f[0] * dt, f[1] * dt)
             if not ahead:
                 _control(setup, task, (course, length, step), i, x, B, u)
-                bow[0], bow[1] = f[0], f[1]
+                bow[0] = f[0]
+                bow[1] = f[1]
                 running = displacement(setup, x, u, dt, B, f, states[i + 1])
                 for k in range(n):
                     states[i + 1, k] += x[k]
-                dx, dy = states[i + 1, 0] - x[0], states[i + 1, 1] - x[1]
+                dx = states[i + 1, 0] - x[0]
+                dy = states[i + 1, 1] - x[1]
+
                 if bends:
                     velocity(setup, states[i + 1], f)
                 ahead = not held and _enters(setup, x[0], x[1], dx, dy)
@@ -295,10 +343,12 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             for j in range(u.shape[0]):
                 running += 0.5 * task.temperature * u[j] * u[j] * dt
             bx, by = (bow[0] - f[0], bow[1] - f[1]) if bends else (0.0, 0.0)
-            cost, priced = cost + running, priced + running
+            cost = cost + running
+            priced = priced + running
             priced += clearance_cost(setup, task, (x[0], x[1], dx, dy, bx, by, times[i], dt), points, walls)
             if held:
-                away_x, away_y = states[i + 1, 0] - aims[i + 1, 0], states[i + 1, 1] - aims[i + 1, 1]
+                away_x = states[i + 1, 0] - aims[i + 1, 0]
+                away_y = states[i + 1, 1] - aims[i + 1, 1]
                 priced += task.hold * (away_x**2 + away_y**2) * dt
             if not priced < 1e12:  # diverged
                 return -1, np.inf, np.inf

@@ -52,7 +52,12 @@ class DDPGuidance:
             )
         d, setup = problem.dynamics, world.setup
         kind = kind_of(problem, setup.world.moving.kernels)
-        self.problem, self.world, self.tuning, self.gated = problem, world, tuning, kind.gated
+
+        self.problem = problem
+        self.world = world
+        self.tuning = tuning
+        self.gated = kind.gated
+
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
         self.optimise = optimiser(kind)
@@ -89,7 +94,11 @@ class DDPGuidance:
         force = rate / self.wall_radius
         push = warmth * temperature * strength ** (2.0 / 3.0)
         price = t.barrier_noisy if self.problem.dynamics.noisy_position else t.barrier
-        layer, margin, exponent = (push / force) ** 0.6, t.margin, -2.0 / 3.0
+
+        layer = (push / force) ** 0.6
+        margin = t.margin
+        exponent = -2.0 / 3.0
+
         if self.gated:
             # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) at a flat wall.
             push, price, margin = warmth * temperature * position**2, t.barrier_point, t.margin_point
@@ -120,10 +129,13 @@ class DDPGuidance:
         """
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm, paces=paces) for start in starts]
-        first, here = found[0] if found else None, (query.x[0], query.x[1], float(query.clock[0]))
+        first = found[0] if found else None
+        here = (query.x[0], query.x[1], float(query.clock[0]))
+
         if first is None or not (first.valid or query.setup.world.clearance(*here) <= 0.0):
             fresh = self._fresh(query, reference, thorough, short)
-            first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
+            first = fresh[0] if fresh else None
+            found = [*fresh, *found[1:]]
         return self._ranked(first, [one for one in found if one is not None and one.valid])
 
     def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
@@ -184,7 +196,9 @@ class DDPGuidance:
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
         """Return the samples around each reference, (H,): N, or few for one of negligible weight or without a guide."""
         penalised = [np.inf if guide is None else guide.penalised for guide in guides]
-        bound, few = self.hopeless(min(penalised)), min(self.tuning.few, samples)
+        bound = self.hopeless(min(penalised))
+        few = min(self.tuning.few, samples)
+
         return [samples if bound == np.inf or one <= bound else few for one in penalised]
 
     def hopeless(self, least: float) -> float:
@@ -196,12 +210,21 @@ class DDPGuidance:
         short: Callable[[], bool] = lambda: False, paces: Sequence[float] = (),
     ) -> DDPGuide | None:  # fmt: skip
         """Improve a course stage by stage, as long as there is time, and make a guide of it."""
-        (course, length), d, times, (setup, clock, *_) = start, self.problem.dynamics, query.times, query
-        course.states[0], cost, penalised, sound = query.x, np.inf, np.inf, False
+        course, length = start
+        d = self.problem.dynamics
+        times = query.times
+        setup, clock, *_ = query
+
+        course.states[0] = query.x
+        cost = np.inf
+        penalised = np.inf
+        sound = False
+
         begun = course.control[0].copy()
         for warmth, rounds in stages:
             if length > 0:
-                most, task = 0 if short() else rounds, self.tasks[warmth]
+                most = 0 if short() else rounds
+                task = self.tasks[warmth]
                 length, cost, penalised, sound = self.optimise(setup, task, clock, query.key, most, course, length)
         if sound and query.setup.world.moving.J == 0:
             course, (length, cost, penalised, sound) = self._paced(
@@ -263,11 +286,14 @@ class DDPGuidance:
 
     def _drift(self, query: Query, states: Array, length: int) -> tuple[Array, Array]:
         """Evaluate slope and bend of log psi by near walls along a guide (T+1, 2); none past its length."""
-        count, total = length * FINER, (len(query.times) - 1) * FINER
-        at, ends = np.arange(count) / FINER, np.arange(len(query.times))
+        count = length * FINER
+        total = (len(query.times) - 1) * FINER
+        at = np.arange(count) / FINER
+        ends = np.arange(len(query.times))
         places = np.column_stack([np.interp(at, ends, column) for column in states.T[:2]])
         times, offset = np.interp(at, ends, query.clock), Scales.of(self.problem, states[0]).wall_offset
-        slopes, bends = np.zeros((total, 2)), np.zeros((total, 2, 2))
+        slopes = np.zeros((total, 2))
+        bends = np.zeros((total, 2, 2))
         along = drift_along(query.setup.world.moving.kernels)
         slopes[:count], bends[:count] = along(query.setup, places, times, offset)
         return slopes, bends
@@ -294,15 +320,19 @@ def _noise_of(
     asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0
     spread, bend, expand = np.zeros((d.n, d.n)), 0.0, forward_pass(kind_of(problem)).expand
     for k, x in enumerate(states):
-        J, S = np.zeros((d.n + 1, d.n + width)), np.zeros((d.n + width,) * 2)
+        J = np.zeros((d.n + 1, d.n + width))
+        S = np.zeros((d.n + width,) * 2)
         control = np.full(width, 0.5)
         if d.input_form:
             control = asked * np.eye(width)[k % d.m]
             B = d.position_noise(x)
             at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
         expand(setup, (x, control, h, np.ones(d.n)), active, True, J, S)
-        A, C = J[:-1, : d.n], J[:-1, d.n :]
-        bend, P = max(bend, float(np.abs(S).max())), np.zeros((d.n, d.n))
+        A = J[:-1, : d.n]
+        C = J[:-1, d.n :]
+        bend = max(bend, float(np.abs(S).max()))
+        P = np.zeros((d.n, d.n))
+
         for _ in range(tuning.spreading_steps):
             P = A @ P @ A.T + C @ C.T / h
         spread += P / len(states)
@@ -310,7 +340,11 @@ def _noise_of(
         raise OptionError(
             f"{type(d).__name__}: its noise never reaches x, y; its drift must say how they move, as in out[0] = x[2]"
         )
-    most, squares, metric = float(np.linalg.eigvalsh(spread[:2, :2])[-1]), np.diag(spread), np.zeros(d.n)
+
+    most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
+    squares = np.diag(spread)
+    metric = np.zeros(d.n)
+
     np.divide(squares[0], squares, out=metric, where=squares > 1e-9 * squares.max())
     position = math.sqrt(at_once if at_once else most / tuning.spreading)
     strength = math.sqrt(3.0 * most / tuning.spreading**3)

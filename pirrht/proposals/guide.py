@@ -95,7 +95,8 @@ class DDPGuide:
         That is half the integral of |a - b|^2, a being the law at the other's states, b the other's controls.
         """
         most, m = min(other.length, len(other.modes)), self.dynamics.m
-        y, own = other.states[:most], self.states[: max(self.length, 1)]
+        y = other.states[:most]
+        own = self.states[: max(self.length, 1)]
         near = np.argmin((self.metric * (y[:, None] - own) ** 2).sum(axis=2), axis=1)
         asked = self.modes[near] + np.einsum("ijk,ik->ij", self.gains[near], y - own[near])
         off = np.clip(asked, -self.steep, self.steep)[:, :m] - other.modes[:most, :m]
@@ -113,10 +114,15 @@ class DDPGuide:
             return None
         states = self.states[[*range(passed, self.length + 1), self.length]]
         states[-1, :2] = goal
-        travel, steps = np.hypot(*np.diff(states[:, :2], axis=0).T), np.diff(self.times)[passed : self.length]
+        travel = np.hypot(*np.diff(states[:, :2], axis=0).T)
+        steps = np.diff(self.times)[passed : self.length]
         durations = np.append(steps, travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9))
         controls = np.vstack([self.tape[passed : self.length], np.zeros(self.dynamics.m)])
-        seconds, length, path = float(durations.sum()), float(travel.sum()), straight(states, durations)
+
+        seconds = float(durations.sum())
+        length = float(travel.sum())
+        path = straight(states, durations)
+
         return Trajectory(controls=controls, durations=durations, path=path, cost=seconds, length=length)
 
 
@@ -133,7 +139,9 @@ class LinearFeedback(ProposalControl):
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
         off = d.difference(x, guide.states[i] + share * d.difference(guide.states[i + 1], guide.states[i]))
         a = self._law(x, i, min(i * FINER + round(share * FINER), len(guide.modes) * FINER - 1), off)
-        mean, sway = a[: d.m], a[d.m :]
+        mean = a[: d.m]
+        sway = a[d.m :]
+
         return d.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
 
     def held(self, x: Array) -> Array:
@@ -154,21 +162,25 @@ class LinearFeedback(ProposalControl):
         guide = self.guide
         leads.law_length[h] = guide.length * FINER
         (T, modes), n = guide.modes.shape, guide.states.shape[1]
-        row, law = np.arange(T * FINER), LawRows.of(leads, h, n, modes)
-        i, share = row // FINER, (row % FINER / FINER)[:, None]
+        row = np.arange(T * FINER)
+        law = LawRows.of(leads, h, n, modes)
+        i = row // FINER
+        share = (row % FINER / FINER)[:, None]
         then = np.maximum(np.minimum(i + 1, guide.length - 1), i)
         mean = (1.0 - share) * guide.modes[i] + share * guide.modes[then]
         gains = (1.0 - share[:, :, None]) * guide.gains[i] + share[:, :, None] * guide.gains[then]
         if guide.drift is not None and guide.bend is not None:
             B = guide.dynamics.B_c(guide.states[0])
-            mean, gains = mean - guide.drift @ B, gains - B.T @ guide.bend
+            mean = mean - guide.drift @ B
+            gains = gains - B.T @ guide.bend
         # States are linear within a step, but for positions, whose velocity is.
         states = (1.0 - share) * guide.states[i] + share * guide.states[i + 1]
         pace = np.gradient(guide.states[: guide.length + 1, :2], guide.times[: guide.length + 1], axis=0)
         pace = np.vstack([pace, np.repeat(pace[-1:], len(guide.states) - len(pace), axis=0)])
         states[:, :2] += 0.5 * share * (1.0 - share) * np.diff(guide.times)[i][:, None] * (pace[i] - pace[i + 1])
         law.mean[:], law.gains[:], law.state[:] = mean, np.swapaxes(gains, 1, 2), states
-        law.deviation[:], law.inverse[:] = np.swapaxes(guide.share, 1, 2)[i], np.swapaxes(guide.inverse, 1, 2)[i]
+        law.deviation[:] = np.swapaxes(guide.share, 1, 2)[i]
+        law.inverse[:] = np.swapaxes(guide.inverse, 1, 2)[i]
         law.log_det[:], law.steepest[:], law.metric[:] = guide.volume[i], guide.steep, guide.metric
 
 
@@ -208,7 +220,8 @@ class Initialisation:
     def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
         """Start gently by tracking places and times of a reference from x (n,), more and more of it from its start."""
         start, seconds, ahead = trajectory.path.start, float(trajectory.durations.sum()), self.tuning.ahead
-        pace, onward = trajectory.length / seconds, trajectory.durations[-1] + times[-1]  # through the goal, no halt
+        pace = trajectory.length / seconds  # through the goal, no halt
+        onward = trajectory.durations[-1] + times[-1]
         end = start[-1, :2] + pace * onward * np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])
         passed = np.cumsum([0.0, *trajectory.durations[:-1], onward])
         ramp, late, then = self.tuning.ramp * (trajectory.slack or 0.0), 0.0, times

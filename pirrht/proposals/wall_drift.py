@@ -34,7 +34,8 @@ from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import wall_slope
 
 MOMENTS, SHARES = np.polynomial.legendre.leggauss(TUNING.moments)
-MOMENTS, SHARES = 0.5 * (MOMENTS + 1.0), 0.5 * SHARES  # on a time from 0 to 1
+MOMENTS = 0.5 * (MOMENTS + 1.0)  # on a time from 0 to 1
+SHARES = 0.5 * SHARES
 
 
 class Scales(NamedTuple):
@@ -88,7 +89,8 @@ def shortfall(c: float, s: float, variance: float, span: float) -> float:
         if g * c < TUNING.along:
             total += share * math.erfc(c / spread) / c
         else:
-            near, far = math.erfc((c - s * t) / spread), math.erfc((c + s * t) / spread)
+            near = math.erfc((c - s * t) / spread)
+            far = math.erfc((c + s * t) / spread)
             total += share * g * (near / math.expm1(2.0 * g * c) - far / math.expm1(-2.0 * g * c))
     return float(total)
 
@@ -159,7 +161,11 @@ class WallDrift:
 def _walls_at(field, x, y, closest, slack, behind):  # type: ignore[no-untyped-def]
     """Return `two_walls` at (x, y), the nearest `slack` and both `behind` farther, none nearer than `closest` [m]."""
     c, nx, ny, d, mx, my = two_walls(field, x, y)
-    c, d, least = np.float32(c + slack + behind), np.float32(d + behind), np.float32(closest)
+
+    c = np.float32(c + slack + behind)
+    d = np.float32(d + behind)
+    least = np.float32(closest)
+
     return max(c, least), nx, ny, max(d, least), mx, my
 
 
@@ -172,10 +178,17 @@ class FlatWalls(NamedTuple):
 
     def missing(self, mean: Array) -> Array:
         """Return the control (m,) that a mean (m,) over `span` lacks near the walls."""
-        d, now, then = self.drift.problem.dynamics, self.drift.walls(self.x), self.drift.walls(self.x, TUNING.wall_step)
-        slope, velocity, B = np.zeros(2), d.G_c(self.x) @ mean, d.B_c(self.x)
+        d = self.drift.problem.dynamics
+        now = self.drift.walls(self.x)
+        then = self.drift.walls(self.x, TUNING.wall_step)
+
+        slope = np.zeros(2)
+        velocity = d.G_c(self.x) @ mean
+        B = d.B_c(self.x)
+
         for k in (0, 3):
-            c, away = float(now[k]), np.array(now[k + 1 : k + 3], dtype=float)
+            c = float(now[k])
+            away = np.array(now[k + 1 : k + 3], dtype=float)
             variance = float(away @ B @ B.T @ away)
             near = variance > 0.0 and 0.0 < c < math.inf
             if near and shortfall(c, 0.0, variance, self.span) >= TUNING.unbiased / c:
@@ -213,6 +226,7 @@ class NearWalls:
         if self.flat is not None:
             missing = self.flat.missing(mean)
             return mean + missing - self.push, TUNING.unsure * np.abs(missing)
-        hard, rest = float(np.linalg.norm(self.push)), float(np.linalg.norm(mean))
+        hard = float(np.linalg.norm(self.push))
+        rest = float(np.linalg.norm(mean))
         share = hard / (hard + rest) if hard > 0.0 else 0.0
         return mean, np.abs(share * (mean - proposed)) + np.abs(self.clipped)

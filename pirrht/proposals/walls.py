@@ -24,8 +24,13 @@ def barrier(c, task):  # type: ignore[no-untyped-def]
     """c^p less its tangent at the margin, and two derivatives; zero beyond it and quadratic below `Task.least`."""
     margin, p = task.margin, task.exponent
     at = max(c, task.least)
-    value, edge = at**p, margin**p
-    rise, bend, down = p * value / at, p * (p - 1.0) * value / (at * at), p * edge / margin
+    value = at**p
+    edge = margin**p
+
+    rise = p * value / at
+    bend = p * (p - 1.0) * value / (at * at)
+    down = p * edge / margin
+
     below = c - at
     value = value + rise * below + 0.5 * bend * below * below - edge - down * (c - margin)
     return value, rise + bend * below - down, bend
@@ -56,7 +61,8 @@ def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
 @cache
 def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
     """Build the kernels `scratch`, `cost` and `expand` of the clearance cost, with or without moving obstacles."""
-    among, (watch, _, moving_walls, *_) = moving is not None, moving or NOTHING_MOVES
+    among = moving is not None
+    watch, _, moving_walls, *_ = moving or NOTHING_MOVES
 
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
@@ -68,7 +74,8 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         """Write the walls at a share t of a step; return their number, and the weight of its bow there [s]."""
         (x, y, dx, dy, bx, by, begin, dt), (walls, notes) = step, space
         w = 0.5 * t * (1.0 - t) * dt
-        at, to = x + t * dx + w * bx, y + t * dy + w * by
+        at = x + t * dx + w * bx
+        to = y + t * dy + w * by
         count = static_walls(setup.world.field, task.margin, at, to, walls)
         if among:
             rows = walls[count:]
@@ -110,7 +117,9 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         for k in range(1, points + 1):
             t = k / points
             count, w = walls_at(setup, task, step, t, space)
-            share, scale = (1.0 - t, t, w), task.price * step[7] / points
+            share = (1.0 - t, t, w)
+            scale = task.price * step[7] / points
+
             for e in range(count):
                 if not found:
                     g[:], H[:, :], found = 0.0, 0.0, True
@@ -142,8 +151,14 @@ def drift_along(moving: MovingKernels) -> Any:
 
     @kernel
     def drift(setup, places, times, offset):  # type: ignore[no-untyped-def]
-        k, notes, rows = places.shape[0], watch(setup.world.moving), np.zeros((setup.world.moving.J, WALL))
-        slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_near * offset
+        k = places.shape[0]
+        notes = watch(setup.world.moving)
+        rows = np.zeros((setup.world.moving.J, WALL))
+
+        slopes = np.zeros((k, 2))
+        bends = np.zeros((k, 2, 2))
+        within = TUNING.drift_near * offset
+
         for i in range(k):
             x, y = places[i]
             count, _ = near(setup.world.moving, notes, x, y, times[i], within, rows)
