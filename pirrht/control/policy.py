@@ -243,8 +243,19 @@ class Policy(ABC):
         return state
 
     def _state(self, x: Array) -> Array:
-        """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed."""
-        x, last = self._checked(x), self.run.queried
+        """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed.
+
+        OptionError: it is no state, lies in the goal or outside the workspace.
+        """
+        x = self._checked(x)
+        last = self.run.queried
+        scene = self.space.scene
+        for lost, where in (
+            (scene.goal.contains(x[:2]), "already in the goal"),
+            (not scene.world.contains(x[:2]), "outside the workspace"),
+        ):
+            if lost:
+                raise OptionError(f"a plan at ({x[0]:.4g}, {x[1]:.4g}) is {where}; no control leads on from there")
         if last is not None and not np.array_equal(x, last):
             warnings.warn(
                 f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({last[0]:.4g}, {last[1]:.4g}), and nothing was "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, SceneError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene, Waiver
 from pirrht.problem import Problem
@@ -75,6 +75,9 @@ def prepare(
 
     if room is not None:
         return at(None)
+    start = loaded.scene.start
+    if driven and loaded.scene.goal.contains(start[:2]):
+        raise SceneError(f"the start ({start[0]:.4g}, {start[1]:.4g}) is already in the goal; move one of them")
     if settings.risk is not None:
         if task.margin is not None:
             raise OptionError("--risk chooses the margin; leave out --margin")

@@ -59,6 +59,8 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
         '--at 3.4 2.8: the robot collides with obstacle "upper wall" there',
         "another state",
     ),
+    ("run slit --start 5.4 2.5", "the start (5.4, 2.5) is already in the goal", "move one"),
+    ("run slit --start 5.4 2.5 0 --robot rover", "already in the goal", "move one"),
     ("estimate slit --at 99 2.8", "--at 99 2.8: this state is outside the workspace, x 0 to 6 and y 0 to 5", "another"),
     ("estimate slit --at 3.4 1.9 --margin 0.2", '0.15 m from obstacle "lower wall"', "keep a margin of 0.2 m"),
     ("run clutter --method optimal", "noise b = 0.03", "choose more noise"),
