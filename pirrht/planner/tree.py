@@ -7,7 +7,6 @@ Comments give the paper's lines. Draws of which nothing is doubtful run through 
 import reprlib
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from importlib import import_module
 from numbers import Integral
 from typing import Any, cast
 
@@ -313,4 +312,26 @@ class HomologyTree:
 
         Returns matplotlib's axes, new ones unless they are given. OptionError: it is not installed; NoReference.
         """
-        return import_module("sim.plotting").tree(self, x, axes)
+        from pirrht.plotting import maps
+        from pirrht.plotting.colors import ClassColors
+
+        references = [] if x is None else self.references(np.asarray(x, dtype=float))
+        axes = maps.of(self.space, 0.0, axes, "tree.plot")
+        maps.lines(axes, self.best_edges(maps.SPACING), maps.TREE, width=0.4, opacity=0.6, zorder=2)
+
+        colors = ClassColors(one.id for one in references)
+        lines = [one.trajectory.points for one in references]
+        labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
+        maps.classes(axes, lines, labels, [colors[one.id] for one in references], title="class: cost")
+        axes.set_title(f"{maps.literal(self.space.scene.name)}: {self.size} vertices", fontsize=10)
+        return axes
+
+    def best_edges(self, spacing: float) -> list[Array]:
+        """Return the edge that each vertex' cheapest node takes as a line (k, 2) of points at a spacing [m]."""
+        graph, size = self.graph, self.size
+        tails = np.flatnonzero(graph.nodes[:size] > 0)
+        costs = np.where(np.arange(graph.cost.shape[1]) < graph.nodes[tails, None], graph.cost[tails], np.inf)
+        taken = graph.parent[tails, np.argmin(costs, axis=1)]
+        tails = tails[taken >= 0]
+        heads = graph.head[taken[taken >= 0]]
+        return self.steering.connect(self.states[tails], self.states[heads]).points(spacing) if len(tails) else []

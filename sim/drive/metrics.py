@@ -23,13 +23,13 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, RunState
-from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Driven
-from pirrht.topology.signature import class_id
+from pirrht.topology.signature import OTHER, class_id
 from sim.drawing.colors import title
 from sim.drive.executor import Advance, ClearanceChecker
 from sim.drive.result import FIGURES

@@ -1,6 +1,7 @@
 """Slow libraries are imported late, and public names come on demand; import-linter checks who may import whom."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -46,6 +47,13 @@ def test_importing_every_module_of_the_package_draws_nothing():
     loaded = loaded_by(f"for name in {names!r}: __import__(name)")
     assert "numba" in loaded
     assert not loaded & {"matplotlib", "mujoco", "rerun", "sim"}
+
+
+def test_no_string_of_the_method_names_a_module_of_the_simulator_which_contracts_could_not_see():
+    for file in modules("pirrht"):
+        nodes = ast.walk(ast.parse(file.read_text()))
+        strings = [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+        assert [text for text in strings if re.fullmatch(r"sim(\.\w+)+", text)] == [], file
 
 
 def test_help_and_a_refused_command_load_nothing_that_is_slow():

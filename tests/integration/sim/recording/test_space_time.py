@@ -8,8 +8,8 @@ from drives import Moving, columns, timed
 from plants import body, moving_scene, rows
 
 from pirrht.arrays import Array
-from sim.drawing.colors import ClassColors
-from sim.drawing.strokes import MOMENTS, outline
+from pirrht.plotting.colors import ClassColors
+from pirrht.plotting.strokes import MOMENTS, outline
 from sim.drawing.strokes import timed as in_time
 from sim.drive.episode import Frame
 from sim.recording.plan_view import Pictures

@@ -10,7 +10,8 @@ from moving import moved, oblique
 from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Mover
 from pirrht.moving.collision import radius_of
-from sim.drawing.strokes import CORNERS, MOMENTS, TURN, foreseen, outline, tubes
+from pirrht.plotting.strokes import MOMENTS, outline
+from sim.drawing.strokes import CORNERS, TURN, foreseen, tubes
 
 PATROL = moved("patrol", [(0, 1, 1, 0), (1, 3, 1, 2), (1.5, 3, 2, 2)], block("b", 0.2, 0, (0.5, 0.1)), repeat=True)
 BODIES = [*oblique().movers, PATROL, replace(PATROL, motion=PATROL.motion.after(0.7))]
