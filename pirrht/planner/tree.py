@@ -25,9 +25,9 @@ from pirrht.planner.graph import SIZE, STATUS, Graph, Storage
 from pirrht.planner.references import Reference
 from pirrht.planner.rewire import SearchRules, reaches, relax
 from pirrht.planner.tuning import TUNING, PlannerTuning
-from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, concatenated
+from pirrht.steering.edges import NO_EDGES, Edges, concatenated
 from pirrht.steering.motion import Motions
-from pirrht.steering.steering import CompiledSteering, Steering, nearest_with
+from pirrht.steering.steering import Steering
 
 
 class HomologyTree:
@@ -87,7 +87,7 @@ class HomologyTree:
         self.homology = steering.homology(space)
         bases_allowed = limit >= self.homology.most_base
         self.rules = SearchRules(float(limit), int(classes), bases_allowed, bool(steering.symmetric))
-        self.checker = EdgeChecker.of(space, steering)
+        self.checker = steering.checker(space)
         self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
@@ -265,7 +265,7 @@ class HomologyTree:
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""
-        if not isinstance(self.steering, CompiledSteering):
+        if self.steering.kernels is None:
             return i, STATUS.ask
         values = np.array(self.steering.numbers)
         at = (self.storage.places, self.storage.vertices)
@@ -275,13 +275,14 @@ class HomologyTree:
     @cached_property
     def _propose(self) -> Any:
         """Address of its `proposer`."""
-        steering = cast(CompiledSteering, self.steering)
+        steering = self.steering
+        kernels = steering.kernels
+        assert kernels is not None
         numbers = np.array(steering.numbers)
-        kind = type(steering)
         straight = np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
-        kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), self.checker.motion.kernels
-        return address_of(proposer(*kernels), given)
+        propose = proposer(kernels.nearest, kernels.optimum, len(numbers), self.checker.motion.kernels)
+        return address_of(propose, given)
 
     @cached_property
     def passages(self) -> Passages:

@@ -74,6 +74,13 @@ def test_the_tree_knows_nothing_of_noise():
             assert not {node.attr for node in nodes if isinstance(node, ast.Attribute)} & NOISE, file
 
 
+def test_the_planner_asks_a_steering_and_not_what_type_it_is():
+    for file in modules("pirrht/planner"):
+        calls = [node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)]
+        kinds = [ast.unparse(call.args[1]) for call in calls if ast.unparse(call.func) == "isinstance"]
+        assert set(kinds) <= {"Integral"}, file
+
+
 def test_a_package_says_in_some_lines_what_it_is_for_and_its_init_holds_nothing_else():
     for file in (ROOT / "pirrht").glob("*/**/__init__.py"):
         parsed = ast.parse(file.read_text())
