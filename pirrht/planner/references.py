@@ -71,7 +71,7 @@ class ReferenceQuery(NamedTuple):
         tree, homology = self.tree, self.tree.homology
         steering, checker = tree.steering, tree.checker
         known = self.before if self.shortened and steering.resumes else {}
-        edges = tree.choose_parent(x, steering.min_neighbours, self.threads)  # line 1
+        edges = tree.edges_from(x, steering.min_neighbours, self.threads)  # line 1
         rows = _rows(tree, edges)
         classes = self._classes(x, edges, rows, known)
         if not classes:

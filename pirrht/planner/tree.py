@@ -143,11 +143,11 @@ class HomologyTree:
         root = self.space.in_goal(x)  # line 4
         edges = NO_EDGES  # line 5: AddRoot
         if not root:
-            edges = self.choose_parent(x)  # line 7
+            edges = self.edges_from(x)  # line 7
             if not reaches(self.storage.places, self.homology.base(x), edges, self.rules):  # line 9
                 return False
         v = self.storage.write(x, root)
-        back = self.rewire(v) if root or not self.rules.mirrored else edges  # line 11
+        back = self.edges_to(v) if root or not self.rules.mirrored else edges  # line 11
         self._insert(x, edges, back)  # line 10
         self.relax()  # Algorithm 2, lines 6 to 8; Algorithm 3, lines 8 to 17
         return True
@@ -175,7 +175,7 @@ class HomologyTree:
 
     # -- Algorithm 2: ChooseParent ---------------------------------------------------------------------------------
 
-    def choose_parent(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
+    def edges_from(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
         """Judge edges from x (n,) to at least so many near vertices (Algorithm 2); `relax` does AppendNode."""
         near = self._near(x, self.states[: self.size], forward=True, least=least)  # line 1
 
@@ -189,7 +189,7 @@ class HomologyTree:
 
     # -- Algorithm 3: Rewire ---------------------------------------------------------------------------------------
 
-    def rewire(self, v: int) -> Edges:
+    def edges_to(self, v: int) -> Edges:
         """Judge edges to vertex v from the vertices near it (Algorithm 3, lines 1 to 7); lines 8 to 17 are `relax`."""
         x, in_goal = self.states[v], self.in_goal
         near = self._near(x, self.states[: v + 1], forward=False)  # line 1

@@ -21,7 +21,7 @@ from pirrht.problem import Problem
 from pirrht.steering import relaxation
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.legs import connect, cost_and_duration, legs_among
-from pirrht.steering.motion import Legs, Motion
+from pirrht.steering.motion import Legs, MotionKind
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.straight_line import Tracked
 from pirrht.steering.tuning import TUNING
@@ -90,7 +90,7 @@ class InTime(CompiledSteering):
         """Return q, r, the limit of speeds and the best speed."""
         return self.q, self.r, self.limit, self.pace
 
-    def motion_in(self, space: FreeSpace) -> Motion:
+    def motion_in(self, space: FreeSpace) -> MotionKind:
         """Return its legs among the moving obstacles of a space."""
         return legs_among(space.moving.kernels)
 

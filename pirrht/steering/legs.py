@@ -12,7 +12,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment, entry_of_piece
 from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
-from pirrht.steering.motion import Legs, Motion, MotionKernels, Trajectory
+from pirrht.steering.motion import Legs, MotionKernels, MotionKind, Trajectory
 from pirrht.topology.moving_crossings import crossings_of_leg
 
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
@@ -95,7 +95,7 @@ _most = inlined(lambda motions: 1)
 
 
 @cache
-def legs_among(moving: MovingKernels | None) -> Motion:
+def legs_among(moving: MovingKernels | None) -> MotionKind:
     """Return the kind of motions that legs are, by kernels of moving obstacles; None: nothing moves."""
     free = free_leg(moving)
 
@@ -103,7 +103,7 @@ def legs_among(moving: MovingKernels | None) -> Motion:
     def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
         return free(around, _ends(motions, i))
 
-    return Motion(MotionKernels(_entry, _cut, certify, _pairs, _most), _free, _trajectory)
+    return MotionKind(MotionKernels(_entry, _cut, certify, _pairs, _most), _free, _trajectory)
 
 
 @inlined

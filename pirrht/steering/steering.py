@@ -16,7 +16,7 @@ from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, borrowing, inlined
 from pirrht.steering.chain import cheapest_chain, compiled_chain, plain_chain, resumed
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.motion import ARCS, Motion, MotionKernels, Motions, Surroundings, Trajectory
+from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, Trajectory
 from pirrht.steering.polyline import taut_lines
 
 
@@ -49,7 +49,7 @@ class Steering(ABC):
     slack: float  # may take this time to get under way [s]
     min_neighbours: int = 0  # least number of vertices to which a reference is looked for
     timed: bool = False  # whether vertices have a time, so that its paths may go among moving obstacles
-    motion: Motion = ARCS  # kind of what `connect` makes
+    motion: MotionKind = ARCS  # kind of what `connect` makes
     # (x (n,), move, step, numbers, out (n,)): write the state after one of `moves` of a pattern search over vertices
     shift: ClassVar[Callable[..., None]] = along_axes
 
@@ -85,7 +85,7 @@ class Steering(ABC):
     def roots(self, goal: Array) -> Array:
         """Return the states (k, n) at the goal point (2,) [m] that the tree starts from."""
 
-    def motion_in(self, space: FreeSpace) -> Motion:
+    def motion_in(self, space: FreeSpace) -> MotionKind:
         """Return the kind of its motions in an examined scene; here `motion`."""
         return self.motion
 
