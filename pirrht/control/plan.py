@@ -35,6 +35,7 @@ from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, ProposalControl
+from pirrht.traits import Traits
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
 
@@ -227,13 +228,14 @@ class ClassMixture:
         self.push = push
 
         d = problem.dynamics
+        traits = Traits.of(problem)
         self._known = np.array([law.log_psi for law in classes.values()])
         self._free = self._controls(state, 0.0)  # at the state of the plan
         self._before = self._free + push(state, 0.0)
         self._stiff = problem.control_cost(state) / problem.temperature
-        self._inverse = np.linalg.pinv(d.G_c(state)) if d.input_form else np.linalg.inv(d.G_c(state))
+        self._inverse = np.linalg.pinv(d.G_c(state)) if traits.input_form else np.linalg.inv(d.G_c(state))
         self._drift = d.f(state)[d.n - d.rows :]
-        self._loses = d.drifting_away or bool(problem.scene.movers)  # whether log psi falls by waiting
+        self._loses = traits.drifting_away or bool(problem.scene.movers)  # whether log psi falls by waiting
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""

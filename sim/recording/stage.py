@@ -272,7 +272,7 @@ def _why(subject: Subject) -> rrb.Container:
     if subject.look.truth:
         control = [_series("optimum/control", "Distance from the optimal control", "RightTop"),
                    _series("optimum/value", "Value less the exact one [cost]", "RightBottom")]  # fmt: skip
-    noisy = subject.path_integral.problem.dynamics.noisy_position
+    noisy = subject.path_integral.proposals.traits.noisy_position
     risk = [_series("risk", "Collision probability")] if noisy else []
     robot = rrb.Vertical(
         _series("clearance", "Clearance [m]"),

@@ -17,6 +17,7 @@ from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind, Obstacle
 from pirrht.plotting.strokes import outline, side_by_side
+from pirrht.traits import Traits
 from sim.scenario import Scenario, prepare
 
 matplotlib.use("Agg")
@@ -136,7 +137,7 @@ TOLD = [pirrht.Problem, pirrht.Scene, pirrht.Goal, pirrht.Obstacle, pirrht.Sampl
 UNIT = re.compile(r"\[[^]]+\]")
 
 
-@pytest.mark.parametrize("entry", [*EXAMPLES, Scenario], ids=lambda entry: entry.__name__)
+@pytest.mark.parametrize("entry", [*EXAMPLES, Scenario, Traits], ids=lambda entry: entry.__name__)
 def test_the_example_in_a_docstring_gives_what_it_says(entry):
     said = inspect.getdoc(entry)
     example = doctest.DocTestParser().get_doctest(said, {}, entry.__name__, None, None)
