@@ -91,6 +91,8 @@ class HomologyTree:
         self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
+        self._passages: Passages | None = None
+        self._passage_sampler: PassageSampler | None = None
         for x in roots:
             self.storage.write(x, True)
             self._insert(x, NO_EDGES, NO_EDGES)
@@ -253,7 +255,7 @@ class HomologyTree:
     def aim(self, x: Array) -> None:
         """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draws`)."""
         self.origin = np.array(x, dtype=float)
-        self.__dict__.pop("_passage_draws", None)
+        self._passage_sampler = None  # what it offers depends on where the robot is
 
     def reserve(self, vertices: int) -> None:
         """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
@@ -284,14 +286,26 @@ class HomologyTree:
         propose = proposer(kernels.nearest, kernels.optimum, len(numbers), self.checker.motion.kernels)
         return address_of(propose, given)
 
-    @cached_property
+    @property
     def passages(self) -> Passages:
-        """Passages between obstacles that face each other with clearance for the robot."""
-        return self.space.passages()
+        """Passages between obstacles that face each other with clearance for the robot, found when first asked for.
 
-    @cached_property
+        Those of another tree may be given, if its static obstacles are the same.
+        """
+        if self._passages is None:
+            self._passages = self.space.passages()
+        return self._passages
+
+    @passages.setter
+    def passages(self, found: Passages) -> None:
+        self._passages = found
+        self._passage_sampler = None
+
+    @property
     def _passage_draws(self) -> PassageSampler:
-        return PassageSampler(self.steering.offers(self.passages, self.space, self.origin))
+        if self._passage_sampler is None:
+            self._passage_sampler = PassageSampler(self.steering.offers(self.passages, self.space, self.origin))
+        return self._passage_sampler
 
     graph = property(lambda self: cast(Graph, self.storage.places.graph), doc="Replaced by a larger one when full.")
     states = property(lambda self: cast(Array, self.graph.states), doc="States of vertices, (V, n).")
