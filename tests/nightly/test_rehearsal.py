@@ -13,13 +13,18 @@ from sim.drive import episode
 from sim.rehearsal import rehearse
 from sim.scenario import prepare
 
-early, late = [], []
+late = []
 
 def asked(code, args, plain=linking.Code._found_or_made):  # for code that this process has not yet
-    (late if episode.CLOCKED.is_set() else early).append(f"{code.py_func.__module__}.{code.py_func.__name__}")
+    late.append(f"{code.py_func.__module__}.{code.py_func.__name__}")
     return plain(code, args)
 
+def begun(plain=episode._undisturbed):
+    late.clear()
+    return plain()
+
 linking.Code._found_or_made = asked
+episode._undisturbed = begun
 scene, robot = sys.argv[2:]
 if scene == "many":  # paths by which classes go on there come in another layout: to compile for it took nine periods
     given = {"samples": 60, "period": 0.1, "max_time": 3.0, "real_time": True, "predict": "velocity"}
@@ -29,8 +34,10 @@ else:
 rehearse(scenario, driving=True)
 tree = scenario.grown_tree()
 driver, plant = scenario.driver(tree), scenario.plant()
+early = len(late)
+late.clear()
 frames = list(scenario.drive(plant, driver))
-print(len(early), len(frames), *late)
+print(early, len(frames), *late)
 """
 
 
