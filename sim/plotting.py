@@ -16,6 +16,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting import maps
 from pirrht.plotting.colors import ClassColors, rgb
+from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.colors import NAMED, labels, passing, title
 from sim.drawing.strokes import timed
 from sim.files import replaced
@@ -37,7 +38,7 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     axes = maps.pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8)).subplots()
     draw_scene(axes, scenario)
     maps.tags(axes, scenario.space.homology.markers, labels(scenario.names))  # moving ones bear their names
-    maps.lines(axes, tree.best_edges(maps.SPACING), "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
+    maps.lines(axes, tree.best_edges(PLOTTING.spacing), "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors(reference.id for reference in references)
     sides = [wrap(maps.literal(", ".join(words)), WIDE) for words in passing(references, tree.homology, scenario.names)]
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]

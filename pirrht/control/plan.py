@@ -116,13 +116,14 @@ class Plan:
         """
         from pirrht.plotting import maps
         from pirrht.plotting.colors import ClassColors
+        from pirrht.plotting.tuning import TUNING as PLOTTING
 
         if self.space is None:
             raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
         axes = maps.of(self.space, self.time, axes, "plan.plot")
         maps.predicted(axes, self.movers, self.time)
         for paths, share in self._heaviest(samples):
-            opacity = maps.FAINT + (maps.STRONG - maps.FAINT) * share
+            opacity = PLOTTING.faint + (PLOTTING.strong - PLOTTING.faint) * share
             maps.lines(axes, paths, maps.SAMPLE, width=0.7, opacity=opacity, zorder=2)
 
         by = self.weights()

@@ -329,10 +329,11 @@ class HomologyTree:
         """
         from pirrht.plotting import maps
         from pirrht.plotting.colors import ClassColors
+        from pirrht.plotting.tuning import TUNING as PLOTTING
 
         references = [] if x is None else self.references(np.asarray(x, dtype=float))
         axes = maps.of(self.space, 0.0, axes, "tree.plot")
-        maps.lines(axes, self.best_edges(maps.SPACING), maps.TREE, width=0.4, opacity=0.6, zorder=2)
+        maps.lines(axes, self.best_edges(PLOTTING.spacing), maps.TREE, width=0.4, opacity=0.6, zorder=2)
 
         colors = ClassColors(one.id for one in references)
         lines = [one.trajectory.points for one in references]

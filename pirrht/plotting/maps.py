@@ -12,6 +12,7 @@ from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle, Scene
 from pirrht.plotting.colors import Color, rgb
 from pirrht.plotting.strokes import fading, outline, side_by_side
+from pirrht.plotting.tuning import TUNING
 
 FLOOR = "#f7f7f5"
 BORDER = "#777777"
@@ -22,10 +23,6 @@ INK = "#222222"
 
 MOVER, TREE, SAMPLE = "#80609e", "#55aacc", "#70747a"
 LEGEND = {"fontsize": 8, "title_fontsize": 8, "frameon": False, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
-LINE = 2.0  # width of the path of a class [points]
-ARROW = 0.5  # time that the arrow of a control spans [s]
-FAINT, STRONG = 0.08, 0.6  # opacity of samples, of the least and of the greatest weight
-SPACING = 0.15  # of points on edges that turn [m]
 
 
 def pyplot(what: str) -> Any:
@@ -79,9 +76,9 @@ def classes(
 ) -> None:  # fmt: skip
     """Draw one polyline (k, 2) [m] per class, side by side where they coincide, with colours and labels."""
     per_point = float(np.ptp(axes.get_xlim())) / (72.0 * axes.get_window_extent().width / axes.figure.dpi)
-    drawn = side_by_side(lines, LINE * per_point)
+    drawn = side_by_side(lines, TUNING.line * per_point)
     for place, (line, label, color) in enumerate(zip(drawn, labels, colors, strict=True)):
-        axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=LINE, zorder=4.0 - 1e-3 * place)
+        axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=TUNING.line, zorder=4.0 - 1e-3 * place)
     if labels:
         axes.legend(**LEGEND, **legend)
 
@@ -134,4 +131,4 @@ def position(axes: Any, place: Array, control: Array) -> None:
     axes.plot(*place, "o", ms=5, color=INK, zorder=6)
     if len(control) == 2:
         style = {"arrowprops": {"arrowstyle": "-|>", "lw": 1.4, "color": INK}, "zorder": 6}
-        axes.annotate("", tuple(place + ARROW * control), tuple(place), **style)
+        axes.annotate("", tuple(place + TUNING.arrow * control), tuple(place), **style)

@@ -9,10 +9,7 @@ from scipy.spatial import ConvexHull, KDTree
 
 from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Kind, Mover, Obstacle
-
-ROUND = 64  # corners of what is round, seen from above
-MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
-BUNDLE, SMOOTH = 5.0, 9  # widths of strokes that many coinciding ones share; points over which shifts change
+from pirrht.plotting.tuning import TUNING
 
 
 def interpolated(line: Array, at: Array, places: Array) -> Array:
@@ -40,26 +37,26 @@ def side_by_side(lines: Sequence[Array], width: float) -> list[Array]:
     for place, line in enumerate(fine):
         near = np.array([tree.query(line, distance_upper_bound=width)[0] < width for tree in trees])
         count = near.sum(axis=0)
-        lane = (near[:place].sum(axis=0) - 0.5 * (count - 1)) * np.minimum(1.0, BUNDLE / count)
+        lane = (near[:place].sum(axis=0) - 0.5 * (count - 1)) * np.minimum(1.0, TUNING.bundle / count)
         along = np.gradient(line, axis=0)
         normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-12)[:, None]
-        shift = uniform_filter1d(lane[:, None] * normal, SMOOTH, axis=0, mode="nearest")
+        shift = uniform_filter1d(lane[:, None] * normal, TUNING.smooth, axis=0, mode="nearest")
         moved.append(line + width * shift)
     return moved
 
 
 def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
     """Return times after a time [s] at which to outline a moving obstacle, and opacities; none after it stops."""
-    last = [after for after in MOMENTS if time + after - MOMENTS[0] < mover.motion.last]
-    return [(after, 1.0 - 0.8 * after / (MOMENTS[-1] + MOMENTS[0])) for after in last]
+    last = [after for after in TUNING.moments if time + after - TUNING.moments[0] < mover.motion.last]
+    return [(after, 1.0 - 0.8 * after / (TUNING.moments[-1] + TUNING.moments[0])) for after in last]
 
 
 def outline(obstacle: Obstacle) -> Array:
     """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
     size, up = obstacle.size, np.array([0.0, 0.0, obstacle.size[1]])
-    angle = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
-    latitude = np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1)
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
+    angle = np.linspace(0, 2 * np.pi, TUNING.corners, endpoint=False)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, TUNING.corners // 2 + 1)
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(TUNING.corners)])
     ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
     points = {
         Kind.BOX: np.array(list(product((-1, 1), repeat=3))) * size,

@@ -15,7 +15,8 @@ from thoroughly import first
 
 from pirrht.plotting import maps
 from pirrht.plotting.colors import ClassColors
-from pirrht.plotting.strokes import MOMENTS, outline
+from pirrht.plotting.strokes import outline
+from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing import strokes
 from sim.drawing.colors import title
 from sim.mjcf import load
@@ -114,7 +115,7 @@ def test_a_snapshot_shows_the_body_where_it_is_then_and_where_the_plan_takes_it(
         (solid,) = mover.at(one.frames[step].time)
         np.testing.assert_allclose(body.get_xy()[:-1], outline(solid))
         later = [p for p in axes.patches if not p.get_fill() and to_hex(p.get_edgecolor()) == maps.MOVER]
-        assert len(later) == len(MOMENTS)
+        assert len(later) == len(PLOTTING.moments)
 
 
 def test_a_panel_per_scene_has_a_braid_per_class_from_the_start_at_0_to_the_goal():
