@@ -2,7 +2,7 @@
 
 A package per idea, each of which says its purpose; imports run downward only, so read from the bottom up:
 
-    arrays errors formatting outcome | jit < geometry < topology < freespace < systems < problem
+    arrays errors formatting outcome | jit < geometry < topology < freespace < plotting < systems < problem < traits
     steering < planner | rollouts < proposals < estimation
     control
     moving < exact

@@ -80,7 +80,7 @@ def side_by_side(pair: Pair, file: Path, given: dict[str, Any], shots: int) -> N
     """Two drives, with little and with much noise, as a loop."""
     from figures import opening, snapshots
 
-    from sim.plotting import pyplot
+    from pirrht.plotting.maps import pyplot
 
     seeded = {**given, "seed": given["seed"] + pair.seed}
     scenarios = [prepare(pair.scene, given={**seeded, "noise": noise}) for noise in pair.noises]
@@ -99,7 +99,7 @@ def value_map(file: Path) -> None:
     """The exact value of `slit` at both noise levels."""
     from figures import value_map
 
-    from sim.plotting import pyplot
+    from pirrht.plotting.maps import pyplot
 
     plt = pyplot("this script")
     figure = value_map.draw(plt, [prepare("slit", given={"noise": noise}) for noise in NOISES])

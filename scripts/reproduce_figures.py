@@ -19,8 +19,8 @@ from figures.effort import Effort
 from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
+from pirrht.plotting.maps import pyplot
 from sim.cli.parser import Parser
-from sim.plotting import pyplot
 
 
 def main() -> int:

@@ -22,7 +22,8 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
-from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, ClassColors, Color, mix, rgb, title
+from pirrht.plotting.colors import ClassColors, Color, blend, rgb
+from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, title
 from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen
 from sim.drive.metrics import Frame
 from sim.extras import require
@@ -44,7 +45,7 @@ SAMPLED = 800  # points of samples in a picture
 FEWEST, ROWS = 0.005, 6  # share of psi from which a class is in the list, and classes in it at most
 INK: Color = (240, 240, 236)
 GROUND: Color = (206, 209, 207)  # into which predicted outlines fade
-FORESEEN = mix(MOVER, (0, 0, 0), 0.4)
+FORESEEN = blend(MOVER, (0, 0, 0), 0.4)
 CHOSEN = os.environ.get("MUJOCO_GL") or not sys.platform.startswith("linux")  # MuJoCo has read it when imported
 BACKEND = "mujoco.egl"
 SKY: Color = (204, 216, 228)  # behind what has no sky
@@ -198,10 +199,10 @@ class Film:
                 shape.label = mover.name.replace("_", " ")
         for one in () if over else foreseen(plan.movers, plan.time):
             if one.after > 0.0:
-                self._line(one.ring, 0.01, mix(GROUND, FORESEEN, one.strength), 0.008)
+                self._line(one.ring, 0.01, blend(GROUND, FORESEEN, one.strength), 0.008)
         self._line(at_most(path[:, 1:3], PATH_POINTS), 0.03, DRIVEN, 0.015)
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
-        rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", mix(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
+        rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", blend(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
         return self._draw([(f"{now:.1f} s", INK), *rows])
 
     def _pose(self, state: Array, time: float) -> None:

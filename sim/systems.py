@@ -119,9 +119,11 @@ class System:
         if self.steering is not None:
             return self._made("steering", problem)
         from pirrht.steering.straight_line import StraightLine, Tracked
+        from pirrht.traits import Traits
 
         try:
-            return StraightLine.of(problem) if problem.dynamics.even else Tracked.of(problem, self.pace)
+            isotropic = Traits.of(problem).isotropic_point
+            return StraightLine.of(problem) if isotropic else Tracked.of(problem, self.pace)
         except OptionError as error:
             raise OptionError(f"system {self.name}: {error}") from None
 
@@ -131,13 +133,15 @@ class System:
         It is the steering's own to the path's end, at the best of the goal's states there; a point's without one.
         """
         from pirrht.control.cost_to_go import cost_to_go
+        from pirrht.traits import Traits
 
         if self.home is not None:
             return self._made("home", problem)
         d, goal, steering = problem.dynamics, problem.scene.goal, self.steered(problem)
-        if self.steering is None and not d.even:
+        traits = Traits.of(problem)
+        if self.steering is None and not traits.isotropic_point:
             return lambda states: steering.cost_per_meter * np.hypot(*remaining(states[:, :2]).T)
-        if d.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any():
+        if traits.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any():
             return cost_to_go(problem, remaining)
         ends = np.asarray(steering.roots(goal.center))
 

@@ -18,10 +18,10 @@ from pirrht.errors import OptionError, one_line
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle
-from pirrht.planner.chain import keys_of
 from pirrht.planner.expand import restore
 from pirrht.planner.graph import SIZE, Storage
 from pirrht.planner.tree import HomologyTree
+from pirrht.steering.chain import keys_of
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import Turns
 from sim.files import why_unreadable

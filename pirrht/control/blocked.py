@@ -14,6 +14,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch
+from pirrht.traits import Traits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +42,7 @@ class Brake:
     @property
     def stops(self) -> bool:
         """Check whether the robot can stop."""
-        x = self.problem.dynamics.state_of(self.problem.scene.start)
-        return self.problem.dynamics.brake(x, x[:2], self.settings.within) is not None
+        return Traits.of(self.problem).can_brake
 
     def halt(self, x: Array, space: FreeSpace, now: float, known: Law | None = None, last: Halt | None = None) -> Halt:
         """Choose a law at x (n,) among the obstacles of a space, at a time of its clock [s].

@@ -22,6 +22,7 @@ from pirrht.geometry.field import clearances
 from pirrht.geometry.scene import Goal
 from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
+from pirrht.traits import Traits
 
 Remaining = Callable[[Array], Array]
 
@@ -127,7 +128,7 @@ def cost_to_go(problem: Problem, remaining: Remaining) -> Callable[[Array], Arra
     d, q = problem.dynamics, problem.least_rate
     x = d.state_of(problem.scene.start)
     drift = float(np.hypot(*d.f(x)[:2]))
-    if d.noisy_position:
+    if Traits.of(problem).noisy_position:
         G = d.G_c(x)[:2]
         weight = 1.0 / float(np.linalg.eigvalsh(G @ np.linalg.solve(problem.control_cost(x), G.T))[-1])
         per_meter = weight * (np.sqrt(drift**2 + 2.0 * q / weight) - drift)  # least (q + weight (v - drift)^2 / 2) / v

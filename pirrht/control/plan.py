@@ -15,10 +15,9 @@ read off the samples' covariance is the linear part of it, and noisier. Since ps
 samples, those of earlier plans add to those of the last one once carried along, at a weight that fades.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -26,14 +25,17 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.settings import TUNING, ControlTuning
+from pirrht.errors import OptionError
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import Replay
 from pirrht.estimation.weights import normalised
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
+from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, ProposalControl
+from pirrht.traits import Traits
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
 
@@ -112,7 +114,41 @@ class Plan:
             samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
             axes: of matplotlib, which are returned; None: those of a new figure. OptionError: it is not installed.
         """
-        return import_module("sim.plotting").plan(self, samples, axes)
+        from pirrht.plotting import maps
+        from pirrht.plotting.colors import ClassColors
+        from pirrht.plotting.tuning import TUNING as PLOTTING
+
+        if self.space is None:
+            raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
+        axes = maps.of(self.space, self.time, axes, "plan.plot")
+        maps.predicted(axes, self.movers, self.time)
+        for paths, share in self._heaviest(samples):
+            opacity = PLOTTING.faint + (PLOTTING.strong - PLOTTING.faint) * share
+            maps.lines(axes, paths, maps.SAMPLE, width=0.7, opacity=opacity, zorder=2)
+
+        by = self.weights()
+        colors = ClassColors(self.ids)
+        shown = dict(zip(self.ids, self.references, strict=False))
+        lines = [one.trajectory.points for one in shown.values()]
+        labels = [f"{formatting.turns(id)}: {formatting.share(by[id]) if id in by else '-'}" for id in shown]
+        maps.classes(axes, lines, labels, [colors[id] for id in shown], title="class: weight")
+        maps.position(axes, self.state[:2], self.control)
+        axes.set_title(f"{maps.literal(self.space.scene.name)} at {self.time:.2f} s", fontsize=10)
+        return axes
+
+    def _heaviest(self, count: int) -> Iterator[tuple[list[Array], Array]]:
+        """Yield paths (k, 2) [m] of so many samples that died, then of the heaviest, each with shares of the most."""
+        if self.estimate is None or self.replay is None or count < 1:
+            return
+        rollouts, weight = self.estimate.rollouts, self.estimate.weight
+        arrived = np.flatnonzero(rollouts.paths.outcome == Outcome.GOAL)
+        died = np.flatnonzero(rollouts.paths.outcome == Outcome.COLLISION)[:count]
+        best = arrived[np.argsort(-weight[arrived], kind="stable")[:count]]
+        share = weight[best] / max(float(weight[best].max(initial=0.0)), 1e-300)
+        for chosen, strength in ((died, np.zeros(len(died))), (best, share)):
+            if len(chosen):
+                states, steps = self.replay.trace(rollouts, chosen)
+                yield [path[: int(end) + 1, :2] for path, end in zip(states, steps, strict=True)], strength
 
     @property
     def tape(self) -> Array:
@@ -193,13 +229,14 @@ class ClassMixture:
         self.push = push
 
         d = problem.dynamics
+        traits = Traits.of(problem)
         self._known = np.array([law.log_psi for law in classes.values()])
         self._free = self._controls(state, 0.0)  # at the state of the plan
         self._before = self._free + push(state, 0.0)
         self._stiff = problem.control_cost(state) / problem.temperature
-        self._inverse = np.linalg.pinv(d.G_c(state)) if d.input_form else np.linalg.inv(d.G_c(state))
+        self._inverse = np.linalg.pinv(d.G_c(state)) if traits.input_form else np.linalg.inv(d.G_c(state))
         self._drift = d.f(state)[d.n - d.rows :]
-        self._loses = d.drifting_away or bool(problem.scene.movers)  # whether log psi falls by waiting
+        self._loses = traits.drifting_away or bool(problem.scene.movers)  # whether log psi falls by waiting
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""

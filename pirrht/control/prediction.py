@@ -83,7 +83,9 @@ class ConstantVelocity:
         if self.grown is None:
             return None
         tree = self.grown(space)
-        tree.passages = self._passages = self._passages or tree.passages  # static
+        if self._passages is None:
+            self._passages = tree.passages
+        tree.passages = self._passages  # those of static obstacles, which no prediction changes
         tree.grow(self.vertices, enough=enough)
         return tree
 

@@ -53,8 +53,9 @@ class ProposalBuilder:
     @property
     def learns(self) -> bool:
         """Check whether laws are fitted to samples."""
-        d, guidance = self.integral.problem.dynamics, self.integral.guidance
-        follows = guidance is not None and not guidance.gated and (d.constant or d.input_form)
+        guidance = self.integral.guidance
+        constant = self.integral.proposals.traits.constant_gain
+        follows = guidance is not None and not guidance.gated and constant
         return follows and self.settings.use.mixes
 
     def draft(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Draft:

@@ -27,11 +27,10 @@ from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
 from pirrht.proposals.tuning import TUNING as PROPOSALS
 from pirrht.rollouts.tables import Origin, Paths, ProposalTables, Setup
+from pirrht.topology.signature import OTHER
 
 if TYPE_CHECKING:
     from pirrht.proposals.wall_drift import NearWalls
-
-OTHER = "other"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

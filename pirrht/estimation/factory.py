@@ -21,9 +21,9 @@ from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
 from pirrht.proposals.wall_drift import FlatWalls, NearWalls, Scales, WallDrift
-from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables, no_tubes
 from pirrht.steering.motion import Trajectory
+from pirrht.traits import Traits
 
 
 class ProposalFactory:
@@ -36,7 +36,7 @@ class ProposalFactory:
         climbs: whether samples climb the desirability of their class instead of following control sequences.
         climbs_too: whether some samples climb next to others that follow guides: of a point among moving obstacles.
         set_back: distance behind walls at which psi vanishes [m].
-        is_martingale: whether the optimal control is a martingale (`KernelSpec.is_martingale`).
+        is_martingale: whether the optimal control is a martingale (`Traits.is_martingale`).
     """
 
     def __init__(
@@ -51,13 +51,14 @@ class ProposalFactory:
 
         d, feedback = problem.dynamics, sampling.guide == "feedback"
         start = d.state_of(problem.scene.start)
-        self.is_martingale = kind_of(problem, world.setup.world.moving.kernels).is_martingale
+        self.traits = traits = Traits.of(problem)
+        self.is_martingale = traits.is_martingale(world.setup.world.moving.kernels is not None)
         guided = feedback and DDPGuidance.suits(problem)
         self.guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
-        self.pointlike = feedback and d.n == d.m == 2
-        self.climbs = feedback and d.even and not world.moving
-        self.climbs_too = world.moving and self.pointlike and d.even
-        self._everywhere = Scales.of(problem, start) if d.constant and not callable(problem.R) else None
+        self.pointlike = feedback and traits.point
+        self.climbs = feedback and traits.climbs(world.moving)
+        self.climbs_too = world.moving and feedback and traits.isotropic_point
+        self._everywhere = Scales.of(problem, start) if traits.constant_blocks and not callable(problem.R) else None
         self.set_back, self._soft = self._set_back(start)
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
 
@@ -182,7 +183,9 @@ class ProposalFactory:
         near = np.inf
         if self.pointlike:
             near = min(setup.world.clearance(x[0], x[1], batch.time), float(self._from_goal(x)))
-        move = self.tuning.least_move * self.problem.scene.robot_radius if moving and d.noisy_position else 0.0
+        move = (
+            self.tuning.least_move * self.problem.scene.robot_radius if moving and self.traits.noisy_position else 0.0
+        )
         least = max(self.tuning.least_step * self.sampling.dt, move**2 / scales.noise)  # shortest steps near walls [s]
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),

@@ -30,7 +30,7 @@ SOLID = 5  # row of the first solid; the goal's is 0
 JUMP = 1e-9  # a repeated motion is judged so much away from where it starts over [s]
 
 
-class Surroundings(NamedTuple):
+class MovingDomain(NamedTuple):
     """Everything that paths can meet."""
 
     frame: Frame  # of the grid, and the goal's disc
@@ -64,7 +64,7 @@ class Boundaries(NamedTuple):
     steepness: Array  # (B,) m + n of psi at a wall that is alone [1/m]
 
 
-def surroundings_of(scene: Scene, frame: Frame, cutoff: float, wavenumber: float) -> Surroundings:
+def moving_domain(scene: Scene, frame: Frame, cutoff: float, wavenumber: float) -> MovingDomain:
     """Gather what surrounds paths in a scene, for distances up to a cutoff [m] and k [1/m] of psi."""
     pitch = min(frame.radius, 1.0 / wavenumber) / 1024.0  # interpolation errs by 1e-7
     rim = wavenumber * frame.radius
@@ -77,7 +77,7 @@ def surroundings_of(scene: Scene, frame: Frame, cutoff: float, wavenumber: float
     owner = np.repeat(np.arange(len(every)), [len(body.solids) for body in every])
     left, low, right, high = np.concatenate([scene.lower, scene.upper]).astype(float).tolist()
     solids = MovingObstacleArrays.around(scene.footprint, every, cutoff)
-    return Surroundings(frame, (left, low, right, high), solids, owner, around_goal, pitch)
+    return MovingDomain(frame, (left, low, right, high), solids, owner, around_goal, pitch)
 
 
 @kernel
@@ -92,10 +92,10 @@ def poses_at(solids, t):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def clearance_from(surroundings, k, pose, x, y):  # type: ignore[no-untyped-def]
+def clearance_from(domain, k, pose, x, y):  # type: ignore[no-untyped-def]
     """Return the clearance of the robot's centre at (x, y) [m] from solid k [m], minus its radius deep inside."""
-    u, v = _in_body(pose, surroundings.owner[k], x, y)
-    return clearance_of_solid(surroundings.solids, k, u, v)
+    u, v = _in_body(pose, domain.owner[k], x, y)
+    return clearance_of_solid(domain.solids, k, u, v)
 
 
 @inlined
@@ -110,39 +110,39 @@ def _in_body(pose, owner, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def to_border(surroundings, x, y):  # type: ignore[no-untyped-def]
+def to_border(domain, x, y):  # type: ignore[no-untyped-def]
     """Distance of (x, y) from the border of the workspace [m], negative outside."""
-    left, low, right, high = surroundings.border
+    left, low, right, high = domain.border
     return min(min(x - left, right - x), min(y - low, high - y))
 
 
 @kernel
-def clearance_at(surroundings, pose, x, y):  # type: ignore[no-untyped-def]
+def clearance_at(domain, pose, x, y):  # type: ignore[no-untyped-def]
     """Clearance of the robot's centre at (x, y) [m] from all solids, posed (1 + J, 4), and from the border [m]."""
-    out = to_border(surroundings, x, y)
-    for k in range(surroundings.owner.shape[0]):
-        out = min(out, clearance_from(surroundings, k, pose, x, y))
+    out = to_border(domain, x, y)
+    for k in range(domain.owner.shape[0]):
+        out = min(out, clearance_from(domain, k, pose, x, y))
     return out
 
 
 @kernel
-def solids_near(surroundings, begin, end, x, y, cutoff):  # type: ignore[no-untyped-def]
+def solids_near(domain, begin, end, x, y, cutoff):  # type: ignore[no-untyped-def]
     """Solids that are within reach of (x, y) [m] at the beginning or the end of a step."""
-    near, count = np.empty(surroundings.owner.shape[0], dtype=np.int64), 0
+    near, count = np.empty(domain.owner.shape[0], dtype=np.int64), 0
     for k in range(near.shape[0]):
-        d = clearance_from(surroundings, k, begin, x, y)
-        if min(d, clearance_from(surroundings, k, end, x, y)) < cutoff:
+        d = clearance_from(domain, k, begin, x, y)
+        if min(d, clearance_from(domain, k, end, x, y)) < cutoff:
             near[count] = k
             count += 1
     return near[:count]
 
 
 @kernel
-def patch_of(surroundings, later, near, begin, end, corners, margin):  # type: ignore[no-untyped-def]
+def patch_of(domain, later, near, begin, end, corners, margin):  # type: ignore[no-untyped-def]
     """Return the `Patch` of grid points from (i0, j0) to (i1, j1), end excluded, and a margin around them."""
     i0 = corners[0] - margin
     j0 = corners[1] - margin
-    frame = surroundings.frame
+    frame = domain.frame
 
     k = corners[2] - i0 + margin
     m = corners[3] - j0 + margin
@@ -159,29 +159,29 @@ def patch_of(surroundings, later, near, begin, end, corners, margin):  # type: i
         for j in range(m):
             x = frame.x0 + (i0 + i) * frame.spacing
             y = frame.y0 + (j0 + j) * frame.spacing
-            _to_rows(surroundings, near, end, x, y, ahead[:, i, j])
+            _to_rows(domain, near, end, x, y, ahead[:, i, j])
             if base > -math.inf and a0 <= i0 + i < a1 and b0 <= j0 + j < b1:
                 psi[i, j] = math.exp(later[i0 + i, j0 + j] - base)
     return Patch((i0, j0), 2 * margin + 1, psi, base, near, ahead, begin, end)
 
 
 @inlined
-def _to_rows(surroundings, near, pose, x, y, out):  # type: ignore[no-untyped-def]
+def _to_rows(domain, near, pose, x, y, out):  # type: ignore[no-untyped-def]
     """Fill `out` (5 + c,) with distances of (x, y) [m] from goal, borders and solids."""
-    left, low, right, high = surroundings.border
+    left, low, right, high = domain.border
 
-    out[0] = to_rim(surroundings.frame, x, y)
+    out[0] = to_rim(domain.frame, x, y)
     out[1] = x - left
     out[2] = right - x
     out[3] = y - low
     out[4] = high - y
 
     for n in range(near.shape[0]):
-        out[SOLID + n] = clearance_from(surroundings, near[n], pose, x, y)
+        out[SOLID + n] = clearance_from(domain, near[n], pose, x, y)
 
 
 @kernel
-def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-def]
+def boundaries_of(domain, step, patch, x, y):  # type: ignore[no-untyped-def]
     """Tell whether (x, y) [m] is free, and return the `Boundaries` within reach of it."""
     rows = SOLID + len(patch.near)
     most = 1 + TUNING.directions
@@ -191,15 +191,15 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
     then = np.empty(rows)
     member = np.full(rows, -1)
 
-    _to_rows(surroundings, patch.near, patch.begin, x, y, now)
-    _to_rows(surroundings, patch.near, patch.end, x, y, then)
+    _to_rows(domain, patch.near, patch.begin, x, y, now)
+    _to_rows(domain, patch.near, patch.end, x, y, then)
 
     away = np.zeros((rows, 2))
     distance = np.empty(most)
     speed = np.empty(most)
     steepness = np.empty(most)
 
-    _directions(surroundings, patch, x, y, now, away)
+    _directions(domain, patch, x, y, now, away)
     goals = n = 1 if now[0] < step.cutoff else 0
     if goals > 0:
         member[0], distance[0] = 0, now[0]
@@ -219,14 +219,14 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
         speed[n] = (later - now[at]) / step.dt
         drift = speed[n] / noise
         if step.wall < math.inf and at >= SOLID:
-            drift += 0.5 * _curvature(surroundings, patch, at - SOLID, x, y, away[at])
+            drift += 0.5 * _curvature(domain, patch, at - SOLID, x, y, away[at])
         steepness[n] = drift + math.sqrt(drift * drift + 2.0 * step.rate / noise)
         n += 1
     return now.min() > 0.0, Boundaries(goals, member, distance[:n], speed[:n], steepness[:n])
 
 
 @kernel
-def _directions(surroundings, patch, x, y, now, away):  # type: ignore[no-untyped-def]
+def _directions(domain, patch, x, y, now, away):  # type: ignore[no-untyped-def]
     """Fill `away` (5 + c, 2) [m] with vectors to (x, y) from borders, `now` away [m], and nearest points of solids."""
     away[1, 0] = now[1]
     away[2, 0] = -now[2]
@@ -234,9 +234,9 @@ def _directions(surroundings, patch, x, y, now, away):  # type: ignore[no-untype
     away[4, 1] = -now[4]
 
     for k in range(len(patch.near)):
-        owner = surroundings.owner[patch.near[k]]
+        owner = domain.owner[patch.near[k]]
         u, v = _in_body(patch.begin, owner, x, y)
-        ex, ey, _, _ = offset_of_solid(surroundings.solids, patch.near[k], u, v)
+        ex, ey, _, _ = offset_of_solid(domain.solids, patch.near[k], u, v)
         c = patch.begin[owner, 2]
         s = patch.begin[owner, 3]
         away[SOLID + k, 0] = c * ex - s * ey
@@ -244,31 +244,31 @@ def _directions(surroundings, patch, x, y, now, away):  # type: ignore[no-untype
 
 
 @kernel
-def _curvature(surroundings, patch, k, x, y, away):  # type: ignore[no-untyped-def]
+def _curvature(domain, patch, k, x, y, away):  # type: ignore[no-untyped-def]
     """Laplacian [1/m], at least 0, of the clearance from the k-th solid half-way from (x, y) [m] to it, `away` (2,)."""
     k = patch.near[k]
-    e = TUNING.curvature_arm * surroundings.solids.robot
+    e = TUNING.curvature_arm * domain.solids.robot
     far = math.hypot(away[0], away[1])
 
-    share = 0.5 * (1.0 - surroundings.solids.robot / far)
+    share = 0.5 * (1.0 - domain.solids.robot / far)
     x = x - share * away[0]
     y = y - share * away[1]
-    total = -4.0 * clearance_from(surroundings, k, patch.begin, x, y)
+    total = -4.0 * clearance_from(domain, k, patch.begin, x, y)
     for side in (-e, e):
-        total += clearance_from(surroundings, k, patch.begin, x + side, y)
-        total += clearance_from(surroundings, k, patch.begin, x, y + side)
+        total += clearance_from(domain, k, patch.begin, x + side, y)
+        total += clearance_from(domain, k, patch.begin, x, y + side)
     return max(total / (e * e), 0.0)
 
 
 @kernel
-def meet_boundaries(surroundings, step, t, later, out):  # type: ignore[no-untyped-def]
+def meet_boundaries(domain, step, t, later, out):  # type: ignore[no-untyped-def]
     """Correct `out` of `smooth` where solids, the goal, or a border that costs are within reach; minus infinity inside.
 
     Args: t, when the step begins [s]; `later` and `out`, log psi at its end and its beginning, 2 x (nx, ny) [nats].
     """
-    (nx, ny), frame, tile = out.shape, surroundings.frame, TUNING.tile
-    begin = poses_at(surroundings.solids, t + JUMP)
-    end = poses_at(surroundings.solids, t + step.dt - JUMP)
+    (nx, ny), frame, tile = out.shape, domain.frame, TUNING.tile
+    begin = poses_at(domain.solids, t + JUMP)
+    end = poses_at(domain.solids, t + step.dt - JUMP)
     margin = math.ceil(step.cutoff / frame.spacing)
     reach = step.cutoff + 0.5 * math.sqrt(2.0) * tile * frame.spacing
     for i0 in range(0, nx, tile):
@@ -277,44 +277,44 @@ def meet_boundaries(surroundings, step, t, later, out):  # type: ignore[no-untyp
             j1 = min(j0 + tile, ny)
             x = frame.x0 + 0.5 * (i0 + i1 - 1) * frame.spacing
             y = frame.y0 + 0.5 * (j0 + j1 - 1) * frame.spacing
-            near = solids_near(surroundings, begin, end, x, y, reach)
-            bordered = step.wall < math.inf and to_border(surroundings, x, y) < reach
+            near = solids_near(domain, begin, end, x, y, reach)
+            bordered = step.wall < math.inf and to_border(domain, x, y) < reach
             if len(near) == 0 and not bordered and to_rim(frame, x, y) >= reach:
                 continue
-            patch = patch_of(surroundings, later, near, begin, end, (i0, j0, i1, j1), margin)
+            patch = patch_of(domain, later, near, begin, end, (i0, j0, i1, j1), margin)
             least = patch.base + math.log(TUNING.underflow)
             for i in range(i0, i1):
                 for j in range(j0, j1):
                     x = frame.x0 + i * frame.spacing
                     y = frame.y0 + j * frame.spacing
-                    free, met = boundaries_of(surroundings, step, patch, x, y)
+                    free, met = boundaries_of(domain, step, patch, x, y)
                     if not free:
                         out[i, j] = -math.inf
                     elif len(met.distance) > 0 or out[i, j] <= least:
-                        out[i, j] = _before(surroundings, step, patch, met, x, y, i - i0, j - j0)
+                        out[i, j] = _before(domain, step, patch, met, x, y, i - i0, j - j0)
                         if out[i, j] <= least:
-                            own = patch_of(surroundings, later, near, begin, end, (i, j, i + 1, j + 1), margin)
-                            out[i, j] = _before(surroundings, step, own, met, x, y, 0, 0)
+                            own = patch_of(domain, later, near, begin, end, (i, j, i + 1, j + 1), margin)
+                            out[i, j] = _before(domain, step, own, met, x, y, 0, 0)
 
 
 @kernel
-def log_psi_before(surroundings, step, t, later, x, slope):  # type: ignore[no-untyped-def]
+def log_psi_before(domain, step, t, later, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (2,) [m] and t [s], -phi/lambda in walls; `later` (nx, ny) [nats], slope (2,) [1/m]."""
-    frame, solids = surroundings.frame, surroundings.solids
+    frame, solids = domain.frame, domain.solids
     begin = poses_at(solids, t)
     end = poses_at(solids, t + step.dt - JUMP)
-    near = solids_near(surroundings, begin, end, x[0], x[1], step.cutoff)
+    near = solids_near(domain, begin, end, x[0], x[1], step.cutoff)
 
     i = math.floor((x[0] - frame.x0) / frame.spacing + 0.5)
     j = math.floor((x[1] - frame.y0) / frame.spacing + 0.5)
     margin = math.ceil(step.cutoff / frame.spacing + 0.5)
-    patch = patch_of(surroundings, later, near, begin, end, (i, j, i + 1, j + 1), margin)
+    patch = patch_of(domain, later, near, begin, end, (i, j, i + 1, j + 1), margin)
 
     slope[0], slope[1] = 0.0, 0.0
-    free, met = boundaries_of(surroundings, step, patch, x[0], x[1])
+    free, met = boundaries_of(domain, step, patch, x[0], x[1])
     if not free:
         return -step.wall
-    value = _before(surroundings, step, patch, met, x[0], x[1], 0, 0)
+    value = _before(domain, step, patch, met, x[0], x[1], 0, 0)
     e = TUNING.difference * step.deviation
     for d in met.distance:
         e = min(e, 0.005 * d)
@@ -322,15 +322,15 @@ def log_psi_before(surroundings, step, t, later, x, slope):  # type: ignore[no-u
         for side in (-e, e):
             px = x[0] + side * (1 - k)
             py = x[1] + side * k
-            met = boundaries_of(surroundings, step, patch, px, py)[1]
-            slope[k] += 0.5 / side * _before(surroundings, step, patch, met, px, py, 0, 0)
+            met = boundaries_of(domain, step, patch, px, py)[1]
+            slope[k] += 0.5 / side * _before(domain, step, patch, met, px, py, 0, 0)
     return value
 
 
 @kernel
-def _before(surroundings, step, patch, met, x, y, i0, j0):  # type: ignore[no-untyped-def]
+def _before(domain, step, patch, met, x, y, i0, j0):  # type: ignore[no-untyped-def]
     """log psi [nats] at (x, y) [m] a step before, among `Boundaries`; (i0, j0) of `patch` is first in reach."""
-    frame = surroundings.frame
+    frame = domain.frame
     width = patch.width
     B = len(met.distance)
     variance = step.deviation**2
@@ -364,18 +364,18 @@ def _before(surroundings, step, patch, met, x, y, i0, j0):  # type: ignore[no-un
                     alive = _survival(distance[g], ahead[g, a, c], variance)
                     total *= alive
                     if pays and alive > 0.0:
-                        short[g] += gauss * alive * _alone(surroundings, met, g, ahead[g, a, c])
+                        short[g] += gauss * alive * _alone(domain, met, g, ahead[g, a, c])
             whole += total
     value = patch.base - step.rate * step.dt + math.log(whole) if whole > 0.0 else -math.inf
     for g in range(B if paying else met.goals):
-        value = np.logaddexp(value, _log_share(surroundings, step, met, g, short[g]))
+        value = np.logaddexp(value, _log_share(domain, step, met, g, short[g]))
     return value
 
 
 @kernel
-def _log_share(surroundings, step, met, g, short):  # type: ignore[no-untyped-def]
+def _log_share(domain, step, met, g, short):  # type: ignore[no-untyped-def]
     """log(share_g psi_g) of boundary g [nats], whose share is short of a sum; paths meet others with half a chance."""
-    alone = _alone(surroundings, met, g, met.distance[g])
+    alone = _alone(domain, met, g, met.distance[g])
     share = alone - math.exp(-step.rate * step.dt) * short
     if share < TUNING.kernel_sum * alone:
         return -math.inf
@@ -386,11 +386,11 @@ def _log_share(surroundings, step, met, g, short):  # type: ignore[no-untyped-de
 
 
 @inlined
-def _alone(surroundings, met, g, e):  # type: ignore[no-untyped-def]
+def _alone(domain, met, g, e):  # type: ignore[no-untyped-def]
     """psi at a distance e [m] from boundary g if nothing else is near."""
     if g >= met.goals:
         return math.exp(-met.steepness[g] * e)
-    table, at = surroundings.around_goal, e / surroundings.pitch
+    table, at = domain.around_goal, e / domain.pitch
     i = min(int(at), table.shape[0] - 2)
     return table[i] + min(at - i, 1.0) * (table[i + 1] - table[i])
 

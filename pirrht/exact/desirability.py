@@ -36,6 +36,7 @@ from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.topology.homology import Homology
 from pirrht.topology.signature import class_id
+from pirrht.traits import Traits
 
 
 class Solver(Protocol):
@@ -65,7 +66,8 @@ def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
     solvers = {kind: modules[which] for kind, modules in SOLVERS.items() if modules[which]}
     # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
     found = next((one for kind, one in solvers.items() if isinstance(d, kind) and d.drift is kind.drift), None)
-    if found is None or callable(problem.q) or not d.constant or d.input_form:
+    traits = Traits.of(problem)
+    if found is None or traits.input_form or not (traits.constant_blocks and traits.constant_rate):
         known = " or ".join(kind.__name__ for kind in solvers)
         where = " among moving obstacles" if moves else ""
         raise OptionError(f"no grid solves the dynamics {type(d).__name__}{where}; it takes {known} with constant q")
@@ -239,7 +241,7 @@ class Optimal(Policy):
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
-        now, world, d = self.run.time, self.path_integral.setup.world, self.problem.dynamics
+        now, world = self.run.time, self.path_integral.setup.world
         gap = self.desirability.gap
 
         def optimal(state: Array, since: float = 0.0) -> Array:
@@ -247,8 +249,8 @@ class Optimal(Policy):
             return self.desirability.control(world.off_walls(state, t, gap), t)
 
         law: Law = optimal
-        if self.held is not None and d.noisy_position:
-            proposals = self.path_integral.proposals
+        proposals = self.path_integral.proposals
+        if self.held is not None and proposals.traits.noisy_position:
             walls = proposals.wall_drift(proposals.scales(x).wall_offset, self.held, time=now)
             law = HeldLaw.of(law, walls, self.held, x)
         value = self.desirability.value(x, now)

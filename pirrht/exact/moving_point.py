@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact import boundaries, point
-from pirrht.exact.boundaries import JUMP, Surroundings, clearance_at, poses_at
+from pirrht.exact.boundaries import JUMP, MovingDomain, clearance_at, poses_at
 from pirrht.exact.discrete_point import Step, smooth, step_of, taps_along
 from pirrht.exact.grid import TUNING, Domain, Equation, Progress, affordable, frame_at, in_goal, largest_change
 from pirrht.freespace import FreeSpace
@@ -34,7 +34,7 @@ SAME = 1e-6  # times that differ by less are one [s]
 class Frames(NamedTuple):
     """log psi in time."""
 
-    surroundings: Surroundings
+    domain: MovingDomain
     step: Step  # the longest of the solution
     first: float  # when all motions repeat ...
     period: float  # ... every so many seconds; 0 where they end [s]
@@ -131,14 +131,14 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     ahead = TUNING.next_frame * longest * thinning
     frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
     cutoff = step_of(longest * thinning + ahead, equation).cutoff
-    surroundings = boundaries.surroundings_of(scene, frame, cutoff, equation.wavenumber)
+    domain = boundaries.moving_domain(scene, frame, cutoff, equation.wavenumber)
     step = step_of(longest, equation)
-    now = _stationary(problem, space, surroundings, float(times[-1]) - JUMP)
+    now = _stationary(problem, space, domain, float(times[-1]) - JUMP)
     if period > 0.0:
         again = int(np.argmin(np.abs(times - (times[-1] - period))))
         for _ in range(TUNING.moving_periods):
             before = now
-            *_, (_, now) = _back(surroundings, step, times, before, again, progress)
+            *_, (_, now) = _back(domain, step, times, before, again, progress)
             if largest_change(now, before) < TUNING.moving_settled:
                 break
         else:
@@ -150,36 +150,36 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     kept = np.unique(np.concatenate([np.arange(last, -1, -thinning), [0]]))
     frames = np.empty((len(kept), *now.shape), dtype=np.float32)
     frames[-1] = now
-    for k, earlier in _back(surroundings, step, times, now, 0, progress):
+    for k, earlier in _back(domain, step, times, now, 0, progress):
         if k in kept:
             frames[np.searchsorted(kept, k)] = earlier
-    return Frames(surroundings, step, first, period, ahead, times[kept], frames)
+    return Frames(domain, step, first, period, ahead, times[kept], frames)
 
 
-def _stationary(problem: Problem, space: FreeSpace, surroundings: Surroundings, time: float) -> Array:
+def _stationary(problem: Problem, space: FreeSpace, domain: MovingDomain, time: float) -> Array:
     """Solve with all bodies where they are at a time [s] for good: log psi (nx, ny) [nats]."""
 
     def clearance(points: Array) -> Array:
         out = np.empty(len(points))
-        _clearances(surroundings, time, np.ascontiguousarray(points), out)
+        _clearances(domain, time, np.ascontiguousarray(points), out)
         return out
 
-    domain = replace(Domain.of(space), clearance=clearance)
+    still = replace(Domain.of(space), clearance=clearance)
     equation = Equation.of(problem)
-    frame = surroundings.frame
+    frame = domain.frame
 
     spacing = point.default_spacing(problem, space.scene)
-    stationary = point.solve(domain, wavenumber=equation.wavenumber, wall=equation.wall, spacing=spacing)
-    out = np.empty(np.ceil((domain.upper - domain.lower) / frame.spacing - 1e-9).astype(int) + 1)
-    _sample(stationary, surroundings, time, out)
+    stationary = point.solve(still, wavenumber=equation.wavenumber, wall=equation.wall, spacing=spacing)
+    out = np.empty(np.ceil((still.upper - still.lower) / frame.spacing - 1e-9).astype(int) + 1)
+    _sample(stationary, domain, time, out)
     return out
 
 
 def _back(
-    surroundings: Surroundings, longest: Step, times: Array, now: Array, first: int, progress: Progress
+    domain: MovingDomain, longest: Step, times: Array, now: Array, first: int, progress: Progress
 ) -> Iterator[tuple[int, Array]]:
     """(k, log psi at time k) from the one before the last back to `first`."""
-    frame, (left, low, right, high) = surroundings.frame, surroundings.border
+    frame, (left, low, right, high) = domain.frame, domain.border
     last = len(times) - 1
     ones = np.ones(now.shape)
     taps: dict[int, tuple[Array, Array]] = {}  # by the length of a step [ns]
@@ -191,33 +191,33 @@ def _back(
                 taps_along(now.shape[1], frame.y0, frame.spacing, low, high, step),
             )
         earlier = smooth(now, ones, *taps[key], step.rate * step.dt)
-        boundaries.meet_boundaries(surroundings, step, float(times[k]), now, earlier)
+        boundaries.meet_boundaries(domain, step, float(times[k]), now, earlier)
         now = earlier
         progress((last - k) / (last - first))
         yield k, now
 
 
 @kernel
-def _clearances(surroundings, t, points, out):  # type: ignore[no-untyped-def]
+def _clearances(domain, t, points, out):  # type: ignore[no-untyped-def]
     """Fill `out` (k,) [m] with the clearances of points (k, 2) [m] at t [s]."""
-    pose = poses_at(surroundings.solids, t)
+    pose = poses_at(domain.solids, t)
     for i in range(len(points)):
-        out[i] = clearance_at(surroundings, pose, points[i, 0], points[i, 1])
+        out[i] = clearance_at(domain, pose, points[i, 0], points[i, 1])
 
 
 @kernel
-def _sample(stationary, surroundings, t, out):  # type: ignore[no-untyped-def]
+def _sample(stationary, domain, t, out):  # type: ignore[no-untyped-def]
     """Sample a stationary solution on a grid (nx, ny) [nats]; minus infinity in goal and walls at t [s]."""
     x = np.empty(2)
     slope = np.empty(2)
-    frame = surroundings.frame
-    pose = poses_at(surroundings.solids, t)
+    frame = domain.frame
+    pose = poses_at(domain.solids, t)
 
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             x[0] = frame.x0 + i * frame.spacing
             x[1] = frame.y0 + j * frame.spacing
-            blocked = in_goal(frame, x) or clearance_at(surroundings, pose, x[0], x[1]) <= 0.0
+            blocked = in_goal(frame, x) or clearance_at(domain, pose, x[0], x[1]) <= 0.0
             out[i, j] = -math.inf if blocked else point.evaluate(stationary, x, slope)
 
 
@@ -225,7 +225,7 @@ def _sample(stationary, surroundings, t, out):  # type: ignore[no-untyped-def]
 def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (3,) [m, m, s]; its gradient [1/m] goes to slope (2,). -phi/lambda in walls."""
     slope[0], slope[1] = 0.0, 0.0
-    if in_goal(grid.surroundings.frame, x):
+    if in_goal(grid.domain.frame, x):
         return 0.0
     t = max(x[2], 0.0)
     if t >= grid.first + grid.period:
@@ -234,4 +234,4 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     while g < len(grid.moments) - 1 and grid.moments[g] < t + grid.ahead:
         g += 1
     step = step_of(grid.moments[g] - t, grid.step)
-    return boundaries.log_psi_before(grid.surroundings, step, t, grid.log_psi[g], x, slope)
+    return boundaries.log_psi_before(grid.domain, step, t, grid.log_psi[g], x, slope)

@@ -52,7 +52,7 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> 
     @kernel
     def clear(grid, process, x):  # type: ignore[no-untyped-def]
         if moves:
-            return clearance_at(grid.surroundings, poses_at(grid.surroundings.solids, x[-1]), x[0], x[1])
+            return clearance_at(grid.domain, poses_at(grid.domain.solids, x[-1]), x[0], x[1])
         return clearance(process.field, x[0], x[1])
 
     @kernel

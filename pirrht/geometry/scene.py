@@ -20,7 +20,7 @@ from pirrht.geometry.tuning import TUNING
 
 ROUNDING = TUNING.rounding
 
-__all__ = ["ROUNDING", "Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "Workspace"]
+__all__ = ["ROUNDING", "Footprint", "Goal", "Kind", "Obstacle", "Scene", "SceneTask", "Workspace"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,7 +86,7 @@ class Footprint(NamedTuple):
     height: float  # of its centre above the ground [m]
 
 
-class Task(TypedDict):
+class SceneTask(TypedDict):
     """Start, goal and robot of a scene."""
 
     start: ArrayLike  # x, y [m] and perhaps a heading [rad], which is 0 if not given, (2,) or (3,)
@@ -193,7 +193,7 @@ class Scene:
             raise SceneError(f"{self.name}: the defaults are {short(self.defaults)}; they must be numbers by name")
 
     @classmethod
-    def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]) -> Scene:
+    def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]) -> Scene:
         """Make a scene of upright boxes.
 
         Args:
@@ -215,13 +215,13 @@ class Scene:
         return cls._of(solids.boxes(boxes, _height(task)), lower, upper, **task)
 
     @classmethod
-    def from_discs(cls, discs: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]) -> Scene:
+    def from_discs(cls, discs: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]) -> Scene:
         """Make a scene of upright cylinders, rows x, y, radius [m], (k, 3); the rest as of `from_boxes`."""
         return cls._of(solids.discs(discs, _height(task)), lower, upper, **task)
 
     @classmethod
     def from_polygons(
-        cls, polygons: Sequence[ArrayLike], *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]
+        cls, polygons: Sequence[ArrayLike], *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]
     ) -> Scene:
         """Make a scene of upright prisms; a polygon that is not convex becomes triangles.
 
@@ -232,7 +232,7 @@ class Scene:
 
     @classmethod
     def from_grid(
-        cls, occupied: ArrayLike, resolution: float, *, origin: ArrayLike = (0.0, 0.0), **task: Unpack[Task]
+        cls, occupied: ArrayLike, resolution: float, *, origin: ArrayLike = (0.0, 0.0), **task: Unpack[SceneTask]
     ) -> Scene:
         """Make a scene of a grid of occupied cells, which few boxes cover exactly; its border is the workspace's.
 
@@ -296,7 +296,7 @@ class Scene:
         return Footprint(self.robot_radius - self.margin, self.robot_height)
 
 
-def _height(task: Task) -> float:
+def _height(task: SceneTask) -> float:
     """Return the height [m] of walls that are as far from a robot as their outlines are."""
     centre = number(task.get("robot_height", 0.0), "the height of the robot's centre", "a number [m]", 0.0)
     return max(TUNING.wall_height, 2.0 * centre)

@@ -16,9 +16,8 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.jit.jit import kernel, load_int32, load_int64, mapped
 from pirrht.planner import graph as g
-from pirrht.planner.chain import keys_of
-from pirrht.planner.shorten import resume, resumes, shorten
 from pirrht.planner.tuning import TUNING
+from pirrht.steering.chain import keys_of
 from pirrht.steering.edges import Edges
 from pirrht.steering.motion import Motions, Trajectory
 from pirrht.topology.signature import class_id, integers
@@ -71,8 +70,8 @@ class ReferenceQuery(NamedTuple):
         """References from x (n,), a state as vertices are, least [cost] first (ExtractReference); NoReference: none."""
         tree, homology = self.tree, self.tree.homology
         steering, checker = tree.steering, tree.checker
-        known = self.before if self.shortened and resumes(steering) else {}
-        edges = tree.choose_parent(x, steering.min_neighbours, self.threads)  # line 1
+        known = self.before if self.shortened and steering.resumes else {}
+        edges = tree.edges_from(x, steering.min_neighbours, self.threads)  # line 1
         rows = _rows(tree, edges)
         classes = self._classes(x, edges, rows, known)
         if not classes:
@@ -93,7 +92,7 @@ class ReferenceQuery(NamedTuple):
         if known and steering.timed:
             fresh = [] if self.over_budget() else fresh[: TUNING.new_classes]
         each = [(i, path) for i in fresh for path in found[i][1]]
-        short = mapped(lambda one: shorten(one[1], steering, checker), each, self.threads)
+        short = mapped(lambda one: steering.shorten(one[1], checker), each, self.threads)
         paths = [options[0] for _, options in found]
         for i in fresh:
             own = [path for (j, _), path in zip(each, short, strict=True) if j == i]
@@ -134,7 +133,7 @@ class ReferenceQuery(NamedTuple):
     def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
         """Cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
         checker, M = self.tree.checker, self.tree.homology.M
-        found = resume(x, path, self.tree.steering, checker)
+        found = self.tree.steering.resume(x, path, checker)
         if found is None:
             return None
         count = len(found.cost)

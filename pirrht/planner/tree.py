@@ -7,7 +7,6 @@ Comments give the paper's lines. Draws of which nothing is doubtful run through 
 import reprlib
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from importlib import import_module
 from numbers import Integral
 from typing import Any, cast
 
@@ -26,9 +25,9 @@ from pirrht.planner.graph import SIZE, STATUS, Graph, Storage
 from pirrht.planner.references import Reference
 from pirrht.planner.rewire import SearchRules, reaches, relax
 from pirrht.planner.tuning import TUNING, PlannerTuning
-from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, concatenated
+from pirrht.steering.edges import NO_EDGES, Edges, concatenated
 from pirrht.steering.motion import Motions
-from pirrht.steering.steering import CompiledSteering, Steering, nearest_with
+from pirrht.steering.steering import Steering
 
 
 class HomologyTree:
@@ -88,10 +87,12 @@ class HomologyTree:
         self.homology = steering.homology(space)
         bases_allowed = limit >= self.homology.most_base
         self.rules = SearchRules(float(limit), int(classes), bases_allowed, bool(steering.symmetric))
-        self.checker = EdgeChecker.of(space, steering)
+        self.checker = steering.checker(space)
         self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
+        self._passages: Passages | None = None
+        self._passage_sampler: PassageSampler | None = None
         for x in roots:
             self.storage.write(x, True)
             self._insert(x, NO_EDGES, NO_EDGES)
@@ -144,11 +145,11 @@ class HomologyTree:
         root = self.space.in_goal(x)  # line 4
         edges = NO_EDGES  # line 5: AddRoot
         if not root:
-            edges = self.choose_parent(x)  # line 7
+            edges = self.edges_from(x)  # line 7
             if not reaches(self.storage.places, self.homology.base(x), edges, self.rules):  # line 9
                 return False
         v = self.storage.write(x, root)
-        back = self.rewire(v) if root or not self.rules.mirrored else edges  # line 11
+        back = self.edges_to(v) if root or not self.rules.mirrored else edges  # line 11
         self._insert(x, edges, back)  # line 10
         self.relax()  # Algorithm 2, lines 6 to 8; Algorithm 3, lines 8 to 17
         return True
@@ -176,7 +177,7 @@ class HomologyTree:
 
     # -- Algorithm 2: ChooseParent ---------------------------------------------------------------------------------
 
-    def choose_parent(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
+    def edges_from(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
         """Judge edges from x (n,) to at least so many near vertices (Algorithm 2); `relax` does AppendNode."""
         near = self._near(x, self.states[: self.size], forward=True, least=least)  # line 1
 
@@ -190,7 +191,7 @@ class HomologyTree:
 
     # -- Algorithm 3: Rewire ---------------------------------------------------------------------------------------
 
-    def rewire(self, v: int) -> Edges:
+    def edges_to(self, v: int) -> Edges:
         """Judge edges to vertex v from the vertices near it (Algorithm 3, lines 1 to 7); lines 8 to 17 are `relax`."""
         x, in_goal = self.states[v], self.in_goal
         near = self._near(x, self.states[: v + 1], forward=False)  # line 1
@@ -254,7 +255,7 @@ class HomologyTree:
     def aim(self, x: Array) -> None:
         """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draws`)."""
         self.origin = np.array(x, dtype=float)
-        self.__dict__.pop("_passage_draws", None)
+        self._passage_sampler = None  # what it offers depends on where the robot is
 
     def reserve(self, vertices: int) -> None:
         """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
@@ -266,7 +267,7 @@ class HomologyTree:
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""
-        if not isinstance(self.steering, CompiledSteering):
+        if self.steering.kernels is None:
             return i, STATUS.ask
         values = np.array(self.steering.numbers)
         at = (self.storage.places, self.storage.vertices)
@@ -276,22 +277,35 @@ class HomologyTree:
     @cached_property
     def _propose(self) -> Any:
         """Address of its `proposer`."""
-        steering = cast(CompiledSteering, self.steering)
+        steering = self.steering
+        kernels = steering.kernels
+        assert kernels is not None
         numbers = np.array(steering.numbers)
-        kind = type(steering)
         straight = np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
-        kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), self.checker.motion.kernels
-        return address_of(proposer(*kernels), given)
+        propose = proposer(kernels.nearest, kernels.optimum, len(numbers), self.checker.motion.kernels)
+        return address_of(propose, given)
 
-    @cached_property
+    @property
     def passages(self) -> Passages:
-        """Passages between obstacles that face each other with clearance for the robot."""
-        return self.space.passages()
+        """Passages between obstacles that face each other with clearance for the robot, found when first asked for.
 
-    @cached_property
+        Those of another tree may be given, if its static obstacles are the same.
+        """
+        if self._passages is None:
+            self._passages = self.space.passages()
+        return self._passages
+
+    @passages.setter
+    def passages(self, found: Passages) -> None:
+        self._passages = found
+        self._passage_sampler = None
+
+    @property
     def _passage_draws(self) -> PassageSampler:
-        return PassageSampler(self.steering.offers(self.passages, self.space, self.origin))
+        if self._passage_sampler is None:
+            self._passage_sampler = PassageSampler(self.steering.offers(self.passages, self.space, self.origin))
+        return self._passage_sampler
 
     graph = property(lambda self: cast(Graph, self.storage.places.graph), doc="Replaced by a larger one when full.")
     states = property(lambda self: cast(Array, self.graph.states), doc="States of vertices, (V, n).")
@@ -313,4 +327,27 @@ class HomologyTree:
 
         Returns matplotlib's axes, new ones unless they are given. OptionError: it is not installed; NoReference.
         """
-        return import_module("sim.plotting").tree(self, x, axes)
+        from pirrht.plotting import maps
+        from pirrht.plotting.colors import ClassColors
+        from pirrht.plotting.tuning import TUNING as PLOTTING
+
+        references = [] if x is None else self.references(np.asarray(x, dtype=float))
+        axes = maps.of(self.space, 0.0, axes, "tree.plot")
+        maps.lines(axes, self.best_edges(PLOTTING.spacing), maps.TREE, width=0.4, opacity=0.6, zorder=2)
+
+        colors = ClassColors(one.id for one in references)
+        lines = [one.trajectory.points for one in references]
+        labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
+        maps.classes(axes, lines, labels, [colors[one.id] for one in references], title="class: cost")
+        axes.set_title(f"{maps.literal(self.space.scene.name)}: {self.size} vertices", fontsize=10)
+        return axes
+
+    def best_edges(self, spacing: float) -> list[Array]:
+        """Return the edge that each vertex' cheapest node takes as a line (k, 2) of points at a spacing [m]."""
+        graph, size = self.graph, self.size
+        tails = np.flatnonzero(graph.nodes[:size] > 0)
+        costs = np.where(np.arange(graph.cost.shape[1]) < graph.nodes[tails, None], graph.cost[tails], np.inf)
+        taken = graph.parent[tails, np.argmin(costs, axis=1)]
+        tails = tails[taken >= 0]
+        heads = graph.head[taken[taken >= 0]]
+        return self.steering.connect(self.states[tails], self.states[heads]).points(spacing) if len(tails) else []

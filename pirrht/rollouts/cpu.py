@@ -25,8 +25,9 @@ from pirrht.rollouts.point_block import replay, sample
 from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
-from pirrht.systems.dynamics import no_drift, no_homing
+from pirrht.systems.dynamics import no_homing
 from pirrht.topology.moving_crossings import NO_RAYS
+from pirrht.traits import Traits
 
 KEPT: Any = Kept
 
@@ -149,27 +150,26 @@ class Cpu(NamedTuple):
 
 def kernels_for(problem: Problem, moving: MovingKernels | None = None, *, fitted: bool = True) -> Kernels:
     """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate (`kind_of`)."""
-    d = problem.dynamics
-    if d.even and d.constant and not callable(problem.q) and moving is None:
+    if Traits.of(problem).in_blocks(moving is not None):
         return Kernels(sample, replay, TUNING.alone_points)
-    return loops(*any_path(kind_of(problem, moving, fitted=fitted)), d.m)
+    return loops(*any_path(kind_of(problem, moving, fitted=fitted)), problem.dynamics.m)
 
 
 def kind_of(problem: Problem, moving: MovingKernels | None = None, *, fitted: bool = True) -> KernelSpec:
     """Describe a problem for which kernels are compiled, kernels of its moving obstacles, and `Sampling.fitted`."""
     d = problem.dynamics
+    traits = Traits.of(problem)
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     # For samples that outlive their law; among moving obstacles points have one too.
-    pointlike = moving is not None and d.n == d.m == 2 and not d.input_form and d.homing is no_homing
-    homing = straight_home if pointlike else d.homing
+    straight = moving is not None and traits.free_point and d.homing is no_homing
+    homing = straight_home if straight else d.homing
     return KernelSpec(
         drift=as_jitable(d.drift),
-        control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
-        diffusion_block=None if d.constant else as_jitable(_function(noise)),
-        q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
-        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(homing),
-        input_form=d.input_form, stratonovich=d.stratonovich, anisotropic=d.n == d.m == 2 and not d.even,
-        moving=moving, curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
+        control_block=None if traits.constant_gain else as_jitable(_function(d.control_block)),
+        diffusion_block=None if traits.constant_blocks else as_jitable(_function(noise)),
+        q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, traits=traits,
+        angles=sum(1 << i for i in d.angles), homing=as_jitable(homing), stratonovich=d.stratonovich, moving=moving,
+        curved_step=traits.drifts and not traits.noisy_position and fitted,
     )  # fmt: skip
 
 
@@ -191,12 +191,13 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     """Collect what rollouts need of a problem and its scene, exits judged along the step (`bridge`) or at its end."""
     d = problem.dynamics
     x = np.zeros(d.n)
-    constant, known = d.constant, d.constant or d.input_form
+    traits = Traits.of(problem)
+    known = traits.constant_gain
     return Setup(
         world=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if known else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if known else np.zeros((d.m, d.m)),
-        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
+        diffusion=np.asarray(d.B_c(x)) if traits.constant_blocks else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
         least_rate=problem.least_rate / problem.temperature, marks=NO_RAYS,
     )  # fmt: skip

@@ -23,7 +23,7 @@ def ended_for(kind: KernelSpec) -> Any:
     moving = kind.moving is not None
     along_line = kind.along_line
 
-    isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike
+    isotropic = kind.traits.point  # the noise of a step is its displacement; then an exit cuts both alike
 
     @part
     def in_plane(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]

@@ -20,6 +20,7 @@ from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_o
 from pirrht.rollouts.tables import law_columns
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift, no_homing
+from pirrht.traits import Traits
 
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
 SWAY = 1.0 / math.sqrt(12.0)  # deviation of the mean of a step's noise from its middle, in deviations of the noise
@@ -34,15 +35,27 @@ class KernelSpec(NamedTuple):
     q: Callable[..., float]  # (x, p) [cost/s], if it varies
     n: int  # states
     m: int  # controls
-    varying_rate: bool  # whether q varies
-    noisy_position: bool  # whether noise acts on the position
+    traits: Traits  # of the system
     angles: int = 0  # bit k: the k-th state is a heading
     homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
-    input_form: bool = False  # whether noise enters through inputs
     stratonovich: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
-    anisotropic: bool = False  # whether a point drifts, or has more noise one way: tubes know neither
     moving: MovingKernels | None = None  # kernels of moving obstacles; None: they are compiled away
     curved_step: bool = False  # whether paths bend within a step by its noise, of which the mean over it is drawn too
+
+    @property
+    def noisy_position(self) -> bool:
+        """Tell whether noise acts on the position."""
+        return self.traits.noisy_position
+
+    @property
+    def input_form(self) -> bool:
+        """Tell whether noise enters through inputs."""
+        return self.traits.input_form
+
+    @property
+    def varying_rate(self) -> bool:
+        """Tell whether q varies."""
+        return not self.traits.constant_rate
 
     @property
     def rows(self) -> int:
@@ -52,7 +65,7 @@ class KernelSpec(NamedTuple):
     @property
     def along_line(self) -> bool:
         """Tell whether its position moves to and fro along a line alone."""
-        return self.rows > self.m and self.noisy_position and self.drift is no_drift
+        return self.rows > self.m and self.noisy_position and not self.traits.drifts
 
     @property
     def modes(self) -> int:
@@ -67,18 +80,17 @@ class KernelSpec(NamedTuple):
     @property
     def gated(self) -> bool:
         """Tell whether walls push on top of its law (`law`): of a point among moving obstacles."""
-        return self.moving is not None and self.n == self.m == 2 and not self.input_form
+        return self.moving is not None and self.traits.free_point
 
     @property
     def is_martingale(self) -> bool:
-        """Tell whether the optimal control of a point is a martingale: no drift, and constant B, G and q."""
-        constant = self.drift is no_drift and self.control_block is None and self.diffusion_block is None
-        return self.gated and constant and not self.varying_rate
+        """Tell whether the optimal control of a point is a martingale (`Traits.is_martingale`)."""
+        return self.traits.is_martingale(self.moving is not None)
 
     @property
     def takes_law(self) -> bool:
         """Tell whether samples follow a linear law; those of a point among static obstacles climb psi instead."""
-        return self.moving is not None or not (self.n == self.m == 2 and not self.anisotropic)
+        return not self.traits.climbs(self.moving is not None)
 
 
 @cache

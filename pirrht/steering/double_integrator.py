@@ -29,7 +29,7 @@ from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
-from pirrht.steering.motion import Motion, MotionKernels, Trajectory
+from pirrht.steering.motion import MotionKernels, MotionKind, Trajectory
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
@@ -204,7 +204,7 @@ def _trajectory(steering: Any, path: Cubics) -> Trajectory:
 
 
 _most = inlined(lambda motions: 3)  # a cubic path crosses a straight cut no more often
-CUBICS = Motion(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)
+CUBICS = MotionKind(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)
 
 
 @kernel

@@ -14,8 +14,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE
 from pirrht.jit.jit import kernel
-from pirrht.steering.motion import ARCS, Motion, MotionKernels, Motions, Surroundings, copied
-from pirrht.steering.steering import Steering
+from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, copied
 from pirrht.topology.crossings import Turns, summed
 
 
@@ -53,12 +52,7 @@ class EdgeChecker:
 
     space: FreeSpace
     around: Surroundings
-    motion: Motion = ARCS
-
-    @classmethod
-    def of(cls, space: FreeSpace, steering: Steering) -> EdgeChecker:
-        """Make the judge of a steering method's motions in an examined scene."""
-        return cls(space=space, around=steering.surroundings(space), motion=steering.motion_in(space))
+    motion: MotionKind = ARCS
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).

@@ -8,150 +8,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment, entry_of_piece
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
-from pirrht.jit.jit import as_tuple, inlined, kernel
+from pirrht.jit.jit import inlined
 from pirrht.problem import Problem
-from pirrht.steering.motion import Legs, Motion, MotionKernels, Trajectory
+from pirrht.steering import relaxation
+from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.legs import connect, cost_and_duration, legs_among
+from pirrht.steering.motion import Legs, MotionKind
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.straight_line import Tracked
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.homology import Homology
-from pirrht.topology.moving_crossings import crossings_of_leg
-
-LATE = 1e-9  # share by which rounding may exceed the limit of speeds
-
-
-@inlined
-def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Share of a straight line from (ax, ay) to (bx, by) [m] after which it enters the goal; infinity if never."""
-    dx, dy = bx - ax, by - ay
-    length = math.sqrt(dx * dx + dy * dy)
-    if length == 0.0:
-        return np.inf
-    s = entry_of_piece(ax, ay, math.atan2(dy, dx), 0.0, length, around.goal_x, around.goal_y, around.goal_radius)
-    return s / length if s < np.inf else np.inf
-
-
-@cache
-def free_leg(moving: MovingKernels | None) -> Any:
-    """Build the kernel (around, leg) that judges a leg (ax, ay, s, bx, by, t) [m, s]: FREE, BLOCKED or UNSURE."""
-    among, certify = moving is not None, (moving or NOTHING_MOVES).certify
-
-    @kernel
-    def judged(around, leg):  # type: ignore[no-untyped-def]
-        static = certify_segment(around.field, leg[0], leg[1], leg[3], leg[4])
-        if among and static != BLOCKED:
-            return min(static, certify(around.traffic, leg))
-        return static
-
-    return judged
-
-
-@inlined
-def _ends(motions, i):  # type: ignore[no-untyped-def]
-    p = motions.path
-    return p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5]
-
-
-@inlined
-def _entry(motions, i, around):  # type: ignore[no-untyped-def]
-    ax, ay, _, bx, by, _ = _ends(motions, i)
-    return entered(around, ax, ay, bx, by)
-
-
-@inlined
-def _cut(motions, i, share):  # type: ignore[no-untyped-def]
-    for k in range(3):
-        motions.path[i, 3 + k] = motions.path[i, k] + share * (motions.path[i, 3 + k] - motions.path[i, k])
-    motions.cost[i] *= share
-
-
-@kernel
-def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    ax, ay, s, bx, by, t = _ends(motions, i)
-    return crossings_of_leg(around, (ax, ay, s), (bx, by, t), to_goal, marker, turn, count)
-
-
-def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
-    """Sweep a capsule among static obstacles where that is not certain; moving ones have their own test."""
-    ax, ay, s, bx, by, t = motions.path[i].tolist()
-    a = np.array([ax, ay])
-    b = np.array([bx, by])
-
-    if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
-        return False
-    return not space.moving.meets(a, s, b, t)
-
-
-def _trajectory(steering: Any, path: Legs) -> Trajectory:
-    """Make one control for each leg; waiting is no control for a while."""
-    step = path.path[:, 3:] - path.path[:, :3]
-    length = float(np.hypot(*step[:, :2].T).sum())
-    step = step[step[:, 2] > 0.0]
-
-    return Trajectory(
-        controls=step[:, :2] / step[:, 2:], durations=step[:, 2], path=path, cost=float(path.cost.sum()), length=length
-    )
-
-
-_most = inlined(lambda motions: 1)
-
-
-@cache
-def legs_among(moving: MovingKernels | None) -> Motion:
-    """Return the kind of motions that legs are, by kernels of moving obstacles; None: nothing moves."""
-    free = free_leg(moving)
-
-    @inlined
-    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-        return free(around, _ends(motions, i))
-
-    return Motion(MotionKernels(_entry, _cut, certify, _pairs, _most), _free, _trajectory)
-
-
-@inlined
-def _cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
-    """Cost and duration of a leg; the time of its end may be open."""
-    q, r, speed, pace = numbers
-    dx = head[0] - tail[0]
-    dy = head[1] - tail[1]
-    square = dx * dx + dy * dy
-    dt = math.sqrt(square) / pace if math.isnan(head[2]) else head[2] - tail[2]
-    if math.isnan(tail[2]) or not dt >= 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
-        return np.inf, 0.0
-    if dt == 0.0:
-        return (0.0 if math.isnan(head[2]) else np.inf), 0.0
-    return q * dt + 0.5 * r * square / dt, dt
-
-
-@kernel
-def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
-    """Connect each pair by one leg; the numbers are q, r, the limit of speeds and the best speed."""
-    k = tails.shape[0]
-    path = np.empty((k, 6))
-    cost = np.empty(k)
-
-    for i in range(k):
-        cost[i], dt = _cost_and_duration(as_tuple(tails[i], 3), as_tuple(heads[i], 3), numbers)
-        for c in range(3):
-            path[i, c] = tails[i, c]
-            path[i, 3 + c] = heads[i, c]
-        if math.isnan(heads[i, 2]):
-            path[i, 5] = tails[i, 2] + dt
-    return Legs(path, cost, tails, heads)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,8 +47,8 @@ class InTime(CompiledSteering):
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
     timed = True
     motion = legs_among(None)
-    cost = inlined(lambda tail, head, numbers, limit: _cost_and_duration(tail, head, numbers)[0])
-    optimum = _connect
+    cost = inlined(lambda tail, head, numbers, limit: cost_and_duration(tail, head, numbers)[0])
+    optimum = connect
 
     def __post_init__(self) -> None:
         check_positive(self, "q", "r")
@@ -214,9 +90,17 @@ class InTime(CompiledSteering):
         """Return q, r, the limit of speeds and the best speed."""
         return self.q, self.r, self.limit, self.pace
 
-    def motion_in(self, space: FreeSpace) -> Motion:
+    def motion_in(self, space: FreeSpace) -> MotionKind:
         """Return its legs among the moving obstacles of a space."""
         return legs_among(space.moving.kernels)
+
+    def shorten(self, path: Legs, checker: EdgeChecker) -> Legs:
+        """Shorten a path into the goal's disc inside its class, at no more cost, by relaxation of its knots."""
+        return relaxation.taut_in_time(path, self.connect, self.numbers, checker)
+
+    def resume(self, x: Array, path: Legs, checker: EdgeChecker) -> Legs | None:
+        """Shorten the rest of a path from x (3,) [m, m, s] near it, in any class; None if none is left or free."""
+        return relaxation.resumed(x, path, self.connect, self.numbers, checker)
 
     def homology(self, space: FreeSpace) -> Homology:
         """Classes among static and moving obstacles; bases go at the best speed."""

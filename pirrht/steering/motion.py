@@ -172,7 +172,7 @@ class MotionKernels(NamedTuple):
     between: Callable[..., bool] = _unknown
 
 
-class Motion(NamedTuple):
+class MotionKind(NamedTuple):
     """A kind of motions: how the tree judges `Motions` of it, and makes references of them."""
 
     kernels: MotionKernels
@@ -280,4 +280,4 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
 
 
 _most = inlined(lambda curves: curves.length.shape[1])
-ARCS = Motion(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)
+ARCS = MotionKind(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,10 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, borrowing, inlined
-from pirrht.steering.motion import ARCS, Motion, Motions, Surroundings, Trajectory
+from pirrht.steering.chain import cheapest_chain, compiled_chain, plain_chain, resumed
+from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, Trajectory
+from pirrht.steering.polyline import taut_lines
 
 
 @inlined
@@ -23,6 +26,13 @@ def along_axes(x, move, step, numbers, out):  # type: ignore[no-untyped-def]
     for k in range(out.shape[0]):
         out[k] = x[k]
     out[move // 2] += step * (1 - 2 * (move % 2))
+
+
+class SteeringKernels(NamedTuple):
+    """Kernels of a steering method, by which trees grow in compiled code; both take its `numbers`."""
+
+    nearest: Callable[..., None]  # of `nearest_with`
+    optimum: Callable[..., Any]  # (tails (k, n), heads (k, n), numbers): the optimal motions
 
 
 class Steering(ABC):
@@ -39,11 +49,25 @@ class Steering(ABC):
     slack: float  # may take this time to get under way [s]
     min_neighbours: int = 0  # least number of vertices to which a reference is looked for
     timed: bool = False  # whether vertices have a time, so that its paths may go among moving obstacles
-    motion: Motion = ARCS  # kind of what `connect` makes
+    motion: MotionKind = ARCS  # kind of what `connect` makes
     # (x (n,), move, step, numbers, out (n,)): write the state after one of `moves` of a pattern search over vertices
     shift: ClassVar[Callable[..., None]] = along_axes
 
     moves = property(lambda self: 2 * self.n, doc="Number of moves that `shift` knows.")
+    resumes = property(
+        lambda self: not self.drives or self.motion is not ARCS,
+        doc="Whether paths are shortened much faster from an earlier path of the class.",
+    )
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return the parameters of its kernels; here none."""
+        return ()
+
+    @property
+    def kernels(self) -> SteeringKernels | None:
+        """Return the kernels by which trees grow in compiled code; here None: they grow in Python."""
+        return None
 
     @abstractmethod
     def distance(self, tails: Array, heads: Array) -> Array:
@@ -61,7 +85,7 @@ class Steering(ABC):
     def roots(self, goal: Array) -> Array:
         """Return the states (k, n) at the goal point (2,) [m] that the tree starts from."""
 
-    def motion_in(self, space: FreeSpace) -> Motion:
+    def motion_in(self, space: FreeSpace) -> MotionKind:
         """Return the kind of its motions in an examined scene; here `motion`."""
         return self.motion
 
@@ -72,6 +96,28 @@ class Steering(ABC):
     def surroundings(self, space: FreeSpace) -> Any:
         """Collect what the kernels of its motions take of an examined scene (`Surroundings`)."""
         return Surroundings.of(space, self.homology(space))
+
+    def checker(self, space: FreeSpace) -> EdgeChecker:
+        """Make the judge of its motions in an examined scene."""
+        return EdgeChecker(space=space, around=self.surroundings(space), motion=self.motion_in(space))
+
+    def shorten(self, path: Any, checker: EdgeChecker) -> Any:
+        """Shorten a path of consecutive motions into the goal inside its class, certified, at no more cost.
+
+        Here a polyline by its corners, and any other path by the cheapest chain of connections (`steering.chain`).
+        """
+        if self.motion is ARCS and self.n == 2 and not np.any(path.curvature):
+            return taut_lines(path, self.connect, checker.around)
+        found = self.chain(checker.motion.kernels)
+        return cheapest_chain(path, self.connect, found, self.numbers, self.moves, checker)
+
+    def chain(self, motion: MotionKernels) -> Callable[..., Array]:
+        """Build what `shorten` calls for paths that bend, by the kernels of its motions; here in plain Python."""
+        return plain_chain(self.distance, self.connect, motion, type(self).shift)
+
+    def resume(self, x: Array, path: Any, checker: EdgeChecker) -> Any:
+        """Find the cheapest path from x (n,) near an earlier one into the goal, in any class; None if there is none."""
+        return resumed(x, path, self.connect, checker)
 
     def at(self, x: Array, time: float) -> Array:
         """Return the state to query a tree at, for a system's state x (n,) at a time [s]; here without the time."""
@@ -141,6 +187,16 @@ class CompiledSteering(Steering):
     @abstractmethod
     def numbers(self) -> tuple[float, ...]:
         """Return the parameters of both kernels."""
+
+    @property
+    def kernels(self) -> SteeringKernels:
+        """Return the kernels by which trees grow in compiled code."""
+        return SteeringKernels(nearest_with(type(self).cost, self.n), type(self).optimum)
+
+    def chain(self, motion: MotionKernels) -> Callable[..., Array]:
+        """Build what `shorten` calls for paths that bend, by the kernels of its motions, in compiled code."""
+        kind = type(self)
+        return compiled_chain(kind.cost, kind.optimum, motion, kind.shift, self.n)
 
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the obstacle-blind optimum, tails to heads, (..., n) x 2 -> (...,) [cost]."""

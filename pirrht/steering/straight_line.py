@@ -20,6 +20,7 @@ from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tuning import TUNING
+from pirrht.traits import Traits
 
 
 @inlined
@@ -94,7 +95,7 @@ class StraightLine(Lines):
     def of(cls, problem: Problem) -> StraightLine:
         """Take a point's line for q constant and R a multiple of I (q = 1, R = 2I: speed 1); else OptionError."""
         d = problem.dynamics
-        if not d.n == d.m == 2:
+        if not Traits.of(problem).point:
             raise OptionError(
                 f"straight lines steer a point whose 2 states are both actuated, not {type(d).__name__} with n = {d.n} "
                 f"and m = {d.m}; bring a Steering"

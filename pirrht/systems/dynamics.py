@@ -123,13 +123,8 @@ class Dynamics:
         """Tell whether noise acts on the position itself: then exits need a Brownian bridge, else a sweep."""
         return any(np.any(self.G_c(x)[:2]) for x in self._some_states()) if self.input_form else self.n - self.m < 2
 
-    @property
-    def drifting_away(self) -> bool:
-        """Tell whether the drift moves states in directions that no control does."""
-        return self.drift is not no_drift if self.input_form else self.n > self.m
-
     @cached_property
-    def even(self) -> bool:
+    def isotropic_point(self) -> bool:
         """Tell whether it is a point without drift whose noise is isotropic, by probing some states."""
         if not self.n == self.m == 2:
             return False

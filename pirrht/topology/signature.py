@@ -8,6 +8,8 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 
+OTHER = "other"  # name of all classes that no reference has, taken together
+
 
 class Signature(ABC):
     """Signature of paths about M obstacles, written as integers (paper, section IV-A).

@@ -8,7 +8,8 @@ import numpy as np
 from benchmarks.calibration_table import EDGES, scores
 from benchmarks.plots import COLORS
 
-from sim.plotting import draw_scene, pyplot
+from pirrht.plotting.maps import pyplot
+from sim.plotting import draw_scene
 from sim.scenario import Scenario
 
 NOMINAL = 0.9545  # of errors within two standard errors

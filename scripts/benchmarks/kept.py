@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
 from pirrht.exact.desirability import Desirability
-from sim.plotting import pyplot
+from pirrht.plotting.maps import pyplot
 from sim.scenario import Scenario, prepare
 from sim.scenario.risk import predicted
 

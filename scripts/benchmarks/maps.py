@@ -11,9 +11,9 @@ from benchmarks.plots import COLORS
 from PIL import Image
 from scipy import ndimage
 
+from pirrht.plotting.maps import pyplot
 from sim.importing.ros_map import DEFAULTS
 from sim.importing.scene_file import import_world
-from sim.plotting import pyplot
 from sim.scenario import prepare
 
 SIDES = (1000, 1400, 2000, 2800, 4000)  # pixels

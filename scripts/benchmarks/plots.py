@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.plotting.maps import pyplot
 from sim.drawing.colors import METHODS
-from sim.plotting import pyplot
 
 COLORS = [tuple(c / 255.0 for c in color) for color in METHODS]
 

@@ -15,7 +15,7 @@ from scipy.stats import binomtest
 from tqdm import tqdm
 
 from pirrht.arrays import Array
-from sim.plotting import pyplot
+from pirrht.plotting.maps import pyplot
 from sim.scenario import prepare
 from sim.sweeps.runs import Job, frozen
 from sim.sweeps.sweep import sweep

@@ -14,9 +14,11 @@ from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim.drawing.colors import ClassColors, sides, worded
-from sim.drawing.strokes import Tube, outline, timed, tubes
-from sim.plotting import MOVER
+from pirrht.plotting.colors import ClassColors
+from pirrht.plotting.maps import MOVER
+from pirrht.plotting.strokes import outline
+from sim.drawing.colors import sides, worded
+from sim.drawing.strokes import Tube, timed, tubes
 from sim.scenario import Scenario
 
 SCENES = ("crossing", "closing_door")

@@ -105,7 +105,7 @@ def make(number: int, folder: Path, format: str, effort: Effort, tick: Tick, *, 
     Raises:
         OptionError: matplotlib is missing or the file cannot be written.
     """
-    from sim.plotting import pyplot
+    from pirrht.plotting.maps import pyplot
 
     entry, plt = FIGURES[number], pyplot("this script")
     file = style.check(folder, entry.name, format)

@@ -9,8 +9,8 @@ from figures import style
 from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Scene
-from sim import plotting
-from sim.drawing.strokes import outline
+from pirrht.plotting import maps
+from pirrht.plotting.strokes import outline
 
 
 def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] = ()) -> None:
@@ -23,9 +23,9 @@ def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] =
 
     size = scene.upper - scene.lower
     axes.add_patch(Rectangle(tuple(scene.lower), *size, fc=style.FLOOR, ec=style.BORDER, lw=0.6, zorder=0))
-    plotting.solids(axes, scene.obstacles, fc=style.WALL, ec="none", zorder=6)
-    plotting.bodies(axes, scene.movers, time, zorder=6)
-    plotting.predicted(axes, foreseen, time, zorder=5.9)
+    maps.solids(axes, scene.obstacles, fc=style.WALL, ec="none", zorder=6)
+    maps.bodies(axes, scene.movers, time, zorder=6)
+    maps.predicted(axes, foreseen, time, zorder=5.9)
     goal = tuple(scene.goal.center)
     axes.add_patch(Circle(goal, scene.goal.radius, fc=style.GOAL, ec=style.GOAL_EDGE, lw=0.7, zorder=1))
     axes.set_aspect("equal")
@@ -60,7 +60,7 @@ def around(lines: Sequence[Array], scene: Scene, margin: float) -> tuple[Array, 
 
 def dots(axes: Any, line: Array, color: Any, *, width: float = 1.3, count: int = 14, zorder: float = 5) -> None:
     """A reference (k, 2): a line with small circles at equal distances, as the paper draws it."""
-    from sim.drawing.strokes import even
+    from pirrht.plotting.strokes import even
 
     axes.plot(line[:, 0], line[:, 1], color=color, lw=width, zorder=zorder, solid_capstyle="round")
     beads = even(line, count)[1:-1]

@@ -11,7 +11,8 @@ from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim.drawing.colors import ClassColors, title
+from pirrht.plotting.colors import ClassColors
+from sim.drawing.colors import title
 from sim.result import convergence_json
 from sim.scenario import Scenario
 

@@ -11,9 +11,10 @@ from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
+from pirrht.plotting.colors import ClassColors
+from pirrht.plotting.strokes import even, outline
 from sim.drawing import strokes
-from sim.drawing.colors import ClassColors, title
-from sim.drawing.strokes import outline
+from sim.drawing.colors import title
 from sim.scenario import Scenario
 
 PANELS = 2
@@ -103,7 +104,7 @@ def _floor(axes: Any, polygons: Any, shown: Lifted, z: float, obstacle: int) -> 
 def _raised(shown: Lifted, reference: Reference, obstacle: int) -> tuple[Array, Array]:
     """A reference with the H of what is left of it as third coordinate: its line (k, 3) and circles on it."""
     homology, line = shown.scenario.space.homology, reference.trajectory.points
-    fine, beads = strokes.even(line, 200), strokes.even(line, BEADS)
+    fine, beads = even(line, 200), even(line, BEADS)
     return tuple(  # type: ignore[return-value]
         np.column_stack([points, strokes.remaining(homology, reference, points, obstacle)]) for points in (fine, beads)
     )

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from figures import ground, snapshots, style
 from figures.snapshots import Drive
-from sim.drawing.colors import ClassColors, title
+from pirrht.plotting.colors import ClassColors
+from sim.drawing.colors import title
 
 WIDTH, DPI = 7.6, 100  # of a picture [in], and its dots per inch
 MARGIN = 0.9  # of the workspace that is left out above and below [m]

@@ -11,7 +11,8 @@ from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability
-from sim.drawing.colors import ClassColors, title
+from pirrht.plotting.colors import ClassColors
+from sim.drawing.colors import title
 from sim.scenario import Scenario
 
 DT = 0.03  # of the samples [s]; a longer step tells turns in the slit less sharply

@@ -8,10 +8,12 @@ import numpy as np
 
 from figures import ground, style
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import OTHER
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.plotting.colors import ClassColors, Color
+from pirrht.plotting.strokes import even
+from pirrht.topology.signature import OTHER
 from sim.drawing import strokes
-from sim.drawing.colors import ClassColors, Color, title
+from sim.drawing.colors import title
 from sim.drive.metrics import Frame
 from sim.scenario import Scenario
 
@@ -89,7 +91,7 @@ def panel(axes: Any, one: Drive, step: int, colors: ClassColors) -> None:
     ground.draw(axes, scene, frame.plan.time, frame.plan.movers)
     _samples(axes, one, frame, colors)
     for reference, name in list(zip(frame.plan.references, frame.plan.ids, strict=True))[::-1]:
-        line = strokes.even(reference.trajectory.points, CURVE)
+        line = even(reference.trajectory.points, CURVE)
         if name in list(colors)[:MOST]:
             ground.dots(axes, line, style.rgb(colors[name]), width=1.1)
         else:

@@ -4,10 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError
-from sim.drawing.colors import DEAD_COLOR, mix
-from sim.drawing.colors import rgb as rgb
+from pirrht.plotting.colors import blend
+from pirrht.plotting.colors import rgb as rgb
+from pirrht.plotting.maps import INK as INK
+from sim.drawing.colors import DEAD_COLOR
 from sim.files import check_writable, replaced
-from sim.plotting import INK as INK
 
 COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]
 DPI = 300  # of PNG files
@@ -15,7 +16,7 @@ FORMATS = ("png", "pdf", "svg")
 
 WALL, FLOOR, BORDER = "#5c6672", "#fbfbfa", "#8a8f96"
 GOAL, GOAL_EDGE, ROBOT, LONGER = "#a9dab5", "#3c8f52", "#f28e1c", "#8c8c8c"
-DEAD = mix(DEAD_COLOR, (255, 255, 255), 0.45)
+DEAD = blend(DEAD_COLOR, (255, 255, 255), 0.45)
 
 RULES = {
     "font.size": 8.0,

@@ -13,9 +13,9 @@ from tqdm import tqdm
 
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, PirrhtError
-from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
+from pirrht.topology.signature import OTHER
 from sim.cli import tables
 from sim.cli.plan_command import Progress, notice, planned, report_prediction, scenario_of
 from sim.drawing.colors import title

@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.estimation.sampling import TUNING
 from pirrht.formatting import percent
 from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
+from pirrht.topology.signature import OTHER
 from sim.drawing.colors import passing, title
 from sim.drive import episode
 from sim.drive.metrics import REASONS, EpisodeMetrics, Truth

@@ -5,29 +5,21 @@ obstacle follows from the turns about it, so that classes of equal turns have th
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from zlib import crc32
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import OTHER
 from pirrht.planner.references import Reference
+from pirrht.plotting.colors import Color, blend
+from pirrht.plotting.strokes import interpolated
 from pirrht.topology.homology import Homology
 from pirrht.topology.tracks import places_at
-from sim.drawing.strokes import interpolated, knots_of
+from sim.drawing.strokes import knots_of
 
-Color = tuple[int, int, int]  # red, green, blue, 0..255
-
-# Cyan, magenta, teal, orange, blue, red: they stay apart for colour-blind eyes and read on dark as on white ground.
-PALETTE = ((51, 187, 238), (238, 51, 119), (0, 153, 136), (238, 119, 51), (0, 119, 187), (204, 51, 17))
 # Charcoal, plum, olive, mint, sand, slate: of methods, none of which is the colour of a class.
 METHODS = ((68, 68, 68), (170, 51, 119), (153, 153, 51), (136, 204, 170), (170, 136, 85), (102, 102, 204))
-# What is mixed into the palette in turn, and its share: late comers must not be taken for the first classes.
-TINTS = (((0, 0, 0), 0.0), ((255, 255, 255), 0.5), ((0, 0, 0), 0.35), ((128, 128, 128), 0.7))
-EARLY = 3 * len(PALETTE)  # colours that look like no other: the palette, its tints and its shades
-OTHER_COLOR: Color = (187, 187, 187)
 DEAD_COLOR: Color = (112, 116, 122)
 MOVER: Color = (186, 148, 230)  # outlines of bodies that move
 DRIVEN: Color = (255, 200, 60)  # the driven path
@@ -40,46 +32,6 @@ FEW = 4  # static or moving obstacles of which every one is named
 NAMED = 8  # static or moving obstacles that all bear their names in a picture; those of more would hide it
 
 
-class ClassColors(dict[str, Color]):
-    """Gives every class id the hue that follows from it, or if another class has it, the next free one; keeps it."""
-
-    def __init__(self, names: Iterable[str] = ()) -> None:
-        super().__init__()
-        self.meet(names)
-
-    def __missing__(self, name: str) -> Color:
-        if name == OTHER:
-            return OTHER_COLOR
-
-        wanted = place_of(name)
-        hues = len(PALETTE)
-        taken = set(self.values())
-
-        early = (nth_color(hues * tint + (wanted + k) % hues) for tint in range(3) for k in range(hues))
-        self[name] = next((color for color in early if color not in taken), nth_color(len(self)))
-        return self[name]
-
-    def meet(self, names: Iterable[str]) -> None:
-        """Take note of class ids."""
-        for name in names:
-            self.__getitem__(name)
-
-
-def place_of(name: str) -> int:
-    """The hue that a class id asks for, whatever run or picture it appears in.
-
-    The straight class comes first, then for each obstacle the first neighbour on one side or the other in turn.
-    """
-    turns = [int(k) for k in name.split(",") if k.lstrip("-").isdigit()]
-    away = [i for i, k in enumerate(turns) if k]
-    if not away:
-        return 0
-    if len(away) == 1 and abs(turns[away[0]]) == 1:
-        first = turns[away[0]] == (-1) ** (away[0] + 1)
-        return (1 + away[0] + (0 if first else len(turns))) % len(PALETTE)
-    return crc32(name.encode()) % len(PALETTE)
-
-
 def title(name: str) -> str:
     """A class id for people: where there are many obstacles only those with turns, as in "+5 -12"."""
     turns = name.split(",")
@@ -89,33 +41,16 @@ def title(name: str) -> str:
     return " ".join(parts) or "straight"
 
 
-def nth_color(index: int) -> Color:
-    """Colour number `index`: palette, tints, shades, then greyish ones in turn."""
-    tint, hue = divmod(index, len(PALETTE))
-    return mix(PALETTE[hue], *TINTS[min(tint, len(TINTS) - 1)])
-
-
 def method_color(index: int) -> Color:
     """The colour of method number `index`; after the last of the palette, tints of the same."""
     tint, hue = divmod(index, len(METHODS))
-    return mix(METHODS[hue], (255, 255, 255), min(0.8, 0.4 * tint))
-
-
-def mix(color: Color, other: Color, share: float) -> Color:
-    """The colour with a share of another one."""
-    red, green, blue = (round((1 - share) * c + share * o) for c, o in zip(color, other, strict=True))
-    return red, green, blue
-
-
-def rgb(color: Color) -> tuple[float, ...]:
-    """Return a colour as matplotlib takes it."""
-    return tuple(channel / 255.0 for channel in color)
+    return blend(METHODS[hue], (255, 255, 255), min(0.8, 0.4 * tint))
 
 
 def fade(color: Color, ground: Color, opacity: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The colour seen over the ground with opacities (k,), (k, 3)."""
-    blend = np.outer(opacity, color) + np.outer(1 - np.asarray(opacity), ground)
-    return np.asarray(np.rint(blend).astype(np.uint8))
+    seen = np.outer(opacity, color) + np.outer(1 - np.asarray(opacity), ground)
+    return np.asarray(np.rint(seen).astype(np.uint8))
 
 
 def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:

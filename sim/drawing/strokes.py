@@ -4,72 +4,35 @@ And of moving obstacles their outlines at some moments, and the tubes that they 
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
-from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array, IntArray
-from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.geometry.obstacle import Kind, Mover, Obstacle
+from pirrht.geometry.obstacle import Mover
 from pirrht.outcome import Outcome
 from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
+from pirrht.plotting.strokes import fading, interpolated, lengths, outline
 from pirrht.topology.homology import Homology
+from pirrht.topology.signature import OTHER
 
 Floats = NDArray[np.float32]
 DEAD = "dead"
 MOST, POINTS = 24, 32  # samples of a mean path, the heaviest of a class, and its points
 CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
 TURN = 0.15  # of an obstacle from one ring of its tube to the next at most [rad]
-ROUND = 64  # corners of what is round, seen from above
-MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
-BUNDLE, SMOOTH = 5.0, 9  # widths of strokes that many coinciding ones share; points over which shifts change
 JUMP = 1e-6  # time over which an obstacle that starts over jumps [s]
 
 
 def at_most(points: Array, count: int) -> Array:
     """A polyline (k, d) thinned out to at most `count` points, ends included."""
     return points[np.rint(np.linspace(0, len(points) - 1, min(count, len(points)))).astype(np.int64)]
-
-
-def interpolated(line: Array, at: Array, places: Array) -> Array:
-    """Points (p, d) at places (p,) on a polyline (k, d) whose points are at places (k,)."""
-    return np.column_stack([np.interp(places, at, column) for column in line.T])
-
-
-def lengths(line: Array) -> Array:
-    """The length of a polyline (k, 2) up to each of its points, (k,) [m]."""
-    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
-
-
-def even(points: Array, count: int) -> Array:
-    """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
-    along = lengths(points)
-    return interpolated(points, along, np.linspace(0.0, along[-1], count))
-
-
-def side_by_side(lines: Sequence[Array], width: float) -> list[Array]:
-    """Move polylines (k, 2) [m] sideways where they coincide, so that strokes of a width [m] all show."""
-    fine = [even(line, 2 + int(2.0 * lengths(line)[-1] / width)) for line in lines]
-    trees = [KDTree(line) for line in fine]
-    moved = list[Array]()
-
-    for place, line in enumerate(fine):
-        near = np.array([tree.query(line, distance_upper_bound=width)[0] < width for tree in trees])
-        count = near.sum(axis=0)
-        lane = (near[:place].sum(axis=0) - 0.5 * (count - 1)) * np.minimum(1.0, BUNDLE / count)
-        along = np.gradient(line, axis=0)
-        normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-12)[:, None]
-        shift = uniform_filter1d(lane[:, None] * normal, SMOOTH, axis=0, mode="nearest")
-        moved.append(line + width * shift)
-    return moved
 
 
 def knots_of(reference: Reference) -> Array | None:
@@ -195,31 +158,6 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
             free = path_integral.space.collision.segments_free(mean[:-1], mean[1:]).all()
             found[name] = mean if free else lines[int(np.argmin(np.abs(lines - mean).max(axis=(1, 2))))]
     return found
-
-
-def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
-    """Return times after a time [s] at which to outline a moving obstacle, and opacities; none after it stops."""
-    last = [after for after in MOMENTS if time + after - MOMENTS[0] < mover.motion.last]
-    return [(after, 1.0 - 0.8 * after / (MOMENTS[-1] + MOMENTS[0])) for after in last]
-
-
-def outline(obstacle: Obstacle) -> Array:
-    """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
-    size, up = obstacle.size, np.array([0.0, 0.0, obstacle.size[1]])
-    angle = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
-    latitude = np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1)
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
-    ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
-    points = {
-        Kind.BOX: np.array(list(product((-1, 1), repeat=3))) * size,
-        Kind.CYLINDER: np.vstack([size[0] * ring - up, size[0] * ring + up]),
-        Kind.CAPSULE: np.vstack([size[0] * ball - up, size[0] * ball + up]),
-        Kind.ELLIPSOID: ball * size,
-        Kind.SPHERE: ball * size[0],
-        Kind.MESH: obstacle.vertices,
-    }
-    seen = (points[obstacle.kind] @ obstacle.rotation.T + obstacle.position)[:, :2]
-    return np.asarray(seen[ConvexHull(seen).vertices])
 
 
 class Tube(NamedTuple):

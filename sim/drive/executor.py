@@ -25,6 +25,7 @@ from pirrht.geometry.scene import ROUNDING, Scene, Workspace
 from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
+from pirrht.traits import Traits
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
 from sim.mjcf.obstacles import Mocap
@@ -232,7 +233,7 @@ class Executor(Plant):
         super().enter(problem, clearance)
         d, step = problem.dynamics, self.physics_step
         self._rate: Callable[[Array, Array, Array], Array] = lambda x, u, dw: d.rate(x, u, dw, step)
-        if d.constant or d.input_form:  # the same, with blocks looked up only once
+        if Traits.of(problem).constant_gain:  # the same, with blocks looked up only once
             G, B = d.noise_form(np.zeros(d.n))
             B_per_step = B / step
             self._rate = lambda x, u, dw: d.idle(x) + G.dot(u) + B_per_step.dot(dw)

@@ -23,13 +23,14 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, RunState
-from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Driven
-from pirrht.topology.signature import class_id
+from pirrht.topology.signature import OTHER, class_id
+from pirrht.traits import Traits
 from sim.drawing.colors import title
 from sim.drive.executor import Advance, ClearanceChecker
 from sim.drive.result import FIGURES
@@ -67,7 +68,7 @@ class Length:
                 self._steps = 0
                 chord = 0.0
         smooth = max(self._chords + chord, dist(self._first, place))
-        self.total = min(self.noisy, smooth) if problem.dynamics.noisy_position else self.noisy
+        self.total = min(self.noisy, smooth) if Traits.of(problem).noisy_position else self.noisy
 
 
 def spread(problem: Problem, x: Array) -> float:
@@ -75,11 +76,11 @@ def spread(problem: Problem, x: Array) -> float:
 
     In input form that in the direction in which it adds least, since robots drive in the other.
     """
-    dynamics = problem.dynamics
-    if not dynamics.noisy_position:
+    traits = Traits.of(problem)
+    if not traits.noisy_position:
         return 0.0
-    B = dynamics.position_noise(x)
-    return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0])) if dynamics.input_form else float(np.sum(B**2)) / 2.0
+    B = problem.dynamics.position_noise(x)
+    return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0])) if traits.input_form else float(np.sum(B**2)) / 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

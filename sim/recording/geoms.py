@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from sim.drawing.colors import Color
+from pirrht.plotting.colors import Color
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
 

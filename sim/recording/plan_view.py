@@ -17,9 +17,11 @@ import rerun as rr
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
+from pirrht.plotting.colors import ClassColors, Color, blend
+from pirrht.plotting.strokes import even, outline
 from sim.drawing import strokes
-from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, packed, title
-from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, outline, tubes
+from sim.drawing.colors import DEAD_COLOR, MOVER, fade, packed, title
+from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, tubes
 from sim.recording.geoms import on_floor
 from sim.recording.reasons import page, reasons, share, shares_of, words_of
 from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, VALUE, entity
@@ -63,7 +65,7 @@ class Pictures:
             labels = {name: f"{title(name)}   {share(weights[name])}" for name in heavy}
         self._sizes = [weights.get(name, 0.0) ** 0.5 for name in plan.ids]
         self._references(plan, lines)
-        self._label("/world/names", labels, plan, [strokes.even(line, LIFTED_POINTS) for line in lines])
+        self._label("/world/names", labels, plan, [even(line, LIFTED_POINTS) for line in lines])
         self._means(plan, [name for name in heaviest if weights.get(name, 0.0) >= HEAVY][:MEANS])
         fans = self._samples(plan)
         words, grid = words_of(plan, subject.path_integral, subject.names), subject.grid
@@ -106,7 +108,7 @@ class Pictures:
             keys = {key: name for key, name in plan.classes.items() if name in heavy}
             means = strokes.mean_paths(self._subject.path_integral, plan.estimate, keys)
         names = [name for name in reversed(heavy) if name in means]  # the favourite on top
-        colors = [CONTROL if name == plan.favourite else mix(self._colors[name], CONTROL, 0.45) for name in names]
+        colors = [CONTROL if name == plan.favourite else blend(self._colors[name], CONTROL, 0.45) for name in names]
         radii = [0.014 if name == plan.favourite else 0.008 for name in names]
         strips = [lift(means[name], 0.065 + 0.001 * k) for k, name in enumerate(names)]
         self._strips("/world/ways", strips, colors, radii)
@@ -116,7 +118,7 @@ class Pictures:
         radii = [0.008 + 0.024 * size for size in self._sizes]
         self._strips("/world/references", [lift(line, 0.05) for line in lines], colors, radii)
         few = plan.references[:LIFTED]
-        chosen = [(r, strokes.even(line, LIFTED_POINTS)) for r, line in zip(few, lines, strict=False)]
+        chosen = [(r, even(line, LIFTED_POINTS)) for r, line in zip(few, lines, strict=False)]
         texts = [f"class {title(name)}: cost {r.cost:.2f}" for name, r in zip(plan.ids, few, strict=False)]
         homology, turn = self._subject.space.homology, self._subject.turn
         for obstacle, path, _ in self._subject.lifted:
@@ -189,7 +191,7 @@ class Pictures:
     def _names(
         self, path: str, places: Sequence[Array] | Floats, texts: Sequence[str], colors: Sequence[Color]
     ) -> None:
-        pale = packed([mix(color, (255, 255, 255), 0.4) for color in colors])
+        pale = packed([blend(color, (255, 255, 255), 0.4) for color in colors])
         points = np.array(places, np.float32).reshape(-1, 3)
         self._log(path, rr.Points3D(points, radii=0.0, colors=pale, labels=list(texts), show_labels=True))
 

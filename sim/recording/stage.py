@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
+from pirrht.plotting.colors import blend
 from sim.drawing import strokes
-from sim.drawing.colors import DRIVEN, MOVER, NAMED, labels, mix
+from sim.drawing.colors import DRIVEN, MOVER, NAMED, labels
 from sim.drawing.strokes import lift
 from sim.recording import geoms
 from sim.recording.subject import Subject
@@ -64,7 +65,7 @@ BORDER = (120, 128, 138)
 
 CONTROL = (250, 246, 232)
 OPTIMUM = (150, 235, 60)
-BRANCH = mix((120, 170, 205), FLOOR, 0.35)
+BRANCH = blend((120, 170, 205), FLOOR, 0.35)
 
 Log = Callable[..., None]  # of an entity path and archetypes
 
@@ -150,7 +151,7 @@ def stage(subject: Subject, log: Log) -> None:
             log(f"{entity(f'{TIMES}/bodies', mover.name)}/name", name_tag(subject, mover.name, (x, y, 0.05)))
         log(f"{TIMES}/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.02]))
         border = lift(outer(scene), 0.0)
-        log(f"{TIMES}/now", rr.LineStrips3D(border[None], radii=0.008, colors=[mix(CONTROL, FLOOR, 0.4)]))
+        log(f"{TIMES}/now", rr.LineStrips3D(border[None], radii=0.008, colors=[blend(CONTROL, FLOOR, 0.4)]))
         sheet = {"vertex_positions": border[:4], "triangle_indices": [(0, 1, 2), (0, 2, 3)]}
         log(f"{TIMES}/now/sheet", rr.Mesh3D(**sheet, albedo_factor=(*CONTROL, 4)))
         log(f"{TIMES}/now/robot", rr.Points3D([(0.0, 0.0, 0.0)], radii=rr.Radius.ui_points(9.0), colors=[DRIVEN]))
@@ -178,7 +179,7 @@ def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
     log(f"{path}/edges", rr.LineStrips3D(lift(ends, ends[..., 2] * subject.turn), radii=0.004, colors=[BRANCH]))
     far = outer(subject.space.scene)[[0, 3, 2]]
     levels = np.stack([lift(far, level * subject.turn) for level in LEVELS])
-    log(f"{path}/levels", rr.LineStrips3D(levels, radii=0.004, colors=[mix(BORDER, FLOOR, 0.6)]))
+    log(f"{path}/levels", rr.LineStrips3D(levels, radii=0.004, colors=[blend(BORDER, FLOOR, 0.6)]))
     texts = [f"H = {level:g}" for level in LEVELS]
     log(f"{path}/axis", rr.Points3D(levels[:, 2], radii=0.03, labels=texts, colors=[BORDER], show_labels=True))
     marker = subject.space.homology.markers[obstacle]
@@ -271,7 +272,7 @@ def _why(subject: Subject) -> rrb.Container:
     if subject.look.truth:
         control = [_series("optimum/control", "Distance from the optimal control", "RightTop"),
                    _series("optimum/value", "Value less the exact one [cost]", "RightBottom")]  # fmt: skip
-    noisy = subject.path_integral.problem.dynamics.noisy_position
+    noisy = subject.path_integral.proposals.traits.noisy_position
     risk = [_series("risk", "Collision probability")] if noisy else []
     robot = rrb.Vertical(
         _series("clearance", "Clearance [m]"),

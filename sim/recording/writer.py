@@ -31,8 +31,9 @@ import numpy as np
 import rerun as rr
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import OTHER
-from sim.drawing.colors import DRIVEN, ClassColors, Color, title
+from pirrht.plotting.colors import ClassColors, Color
+from pirrht.topology.signature import OTHER
+from sim.drawing.colors import DRIVEN, title
 from sim.drawing.strokes import lift
 from sim.drive.metrics import Frame
 from sim.mjcf.obstacles import Mocap

@@ -14,8 +14,9 @@ import numpy as np
 
 from pirrht.control.settings import METHODS
 from pirrht.errors import printable
-from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
-from sim.plotting import literal, pyplot
+from pirrht.plotting.colors import OTHER_COLOR, ClassColors, rgb
+from pirrht.plotting.maps import literal, pyplot
+from sim.drawing.colors import method_color, title
 from sim.report.summary import ALL, BASE, BEST, LEVEL, Row, p_value
 from sim.text import counted, table
 

@@ -29,6 +29,7 @@ from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
+from pirrht.traits import Traits
 from sim import tree_file
 from sim.drive import episode
 from sim.drive.episode import Clock
@@ -125,7 +126,7 @@ class Scenario:
     def _in_time(self) -> InTime:
         """Return the steering in space and time, at the declared speed or that of the system's own path to the goal."""
         speed, problem = self.system.pace, self.problem
-        if speed is None and self.system.steering is not None and not problem.dynamics.noisy_position:
+        if speed is None and self.system.steering is not None and not Traits.of(problem).noisy_position:
             steering: Steering = self.system.steered(problem)
             goal = np.asarray(steering.roots(problem.scene.goal.center))[:1]
             path = steering.trajectory(steering.connect(steering.vertex_of(self.start)[None], goal))

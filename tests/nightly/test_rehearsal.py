@@ -5,24 +5,25 @@ from commands import call
 from repository import ROOT
 
 PROGRAM = """
-import gc, sys
+import sys
 sys.path.append(sys.argv[1])
 from benchmarks.moving_scene import moving_scenario
-from numba.core.dispatcher import Dispatcher
+from pirrht.jit import linking
 from sim.drive import episode
 from sim.rehearsal import rehearse
 from sim.scenario import prepare
 
-def known():
-    every = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]
-    found = {(one.py_func.__module__, one.py_func.__name__, str(types)) for one in every for types in one.overloads}
-    return {one for one in found if not (scene == "many" and one[0].startswith("numba."))}
+late = []
+
+def asked(code, args, plain=linking.Code._found_or_made):  # for code that this process has not yet
+    late.append(f"{code.py_func.__module__}.{code.py_func.__name__}")
+    return plain(code, args)
 
 def begun(plain=episode._undisturbed):
-    global before
-    before = known()
+    late.clear()
     return plain()
 
+linking.Code._found_or_made = asked
 episode._undisturbed = begun
 scene, robot = sys.argv[2:]
 if scene == "many":  # paths by which classes go on there come in another layout: to compile for it took nine periods
@@ -33,9 +34,10 @@ else:
 rehearse(scenario, driving=True)
 tree = scenario.grown_tree()
 driver, plant = scenario.driver(tree), scenario.plant()
-before = known()
+early = len(late)
+late.clear()
 frames = list(scenario.drive(plant, driver))
-print(len(before), len(frames), *sorted(f"{module}.{name}" for module, name, _ in known() - before))
+print(early, len(frames), *late)
 """
 
 

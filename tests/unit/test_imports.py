@@ -1,6 +1,7 @@
 """Slow libraries are imported late, and public names come on demand; import-linter checks who may import whom."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,13 @@ def test_importing_every_module_of_the_package_draws_nothing():
     assert not loaded & {"matplotlib", "mujoco", "rerun", "sim"}
 
 
+def test_no_string_of_the_method_names_a_module_of_the_simulator_which_contracts_could_not_see():
+    for file in modules("pirrht"):
+        nodes = ast.walk(ast.parse(file.read_text()))
+        strings = [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+        assert [text for text in strings if re.fullmatch(r"sim(\.\w+)+", text)] == [], file
+
+
 def test_help_and_a_refused_command_load_nothing_that_is_slow():
     lines = [f"main({[*command.split(), '--help']!r})" for command in HELPED]
     assert not loaded_by("from sim.cli import main", *lines, "main(['run', 'slit', '--noise', 'nan'])") & SLOW
@@ -64,6 +72,13 @@ def test_the_tree_knows_nothing_of_noise():
         for file in modules(f"pirrht/{room}"):
             nodes = ast.walk(ast.parse(file.read_text()))
             assert not {node.attr for node in nodes if isinstance(node, ast.Attribute)} & NOISE, file
+
+
+def test_the_planner_asks_a_steering_and_not_what_type_it_is():
+    for file in modules("pirrht/planner"):
+        calls = [node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)]
+        kinds = [ast.unparse(call.args[1]) for call in calls if ast.unparse(call.func) == "isinstance"]
+        assert set(kinds) <= {"Integral"}, file
 
 
 def test_a_package_says_in_some_lines_what_it_is_for_and_its_init_holds_nothing_else():

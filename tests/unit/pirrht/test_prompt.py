@@ -16,7 +16,8 @@ import pirrht
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind, Obstacle
-from sim.drawing import strokes
+from pirrht.plotting.strokes import outline, side_by_side
+from pirrht.traits import Traits
 from sim.scenario import Scenario, prepare
 
 matplotlib.use("Agg")
@@ -89,7 +90,7 @@ def test_pictures_number_obstacles_and_give_every_class_a_colour_and_a_line_that
 
 def test_strokes_that_coincide_lie_side_by_side_and_others_stay():
     line, apart = np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[0.0, 1.0], [4.0, 1.0]])
-    first, second, alone = strokes.side_by_side([line, line, apart], 0.1)
+    first, second, alone = side_by_side([line, line, apart], 0.1)
     np.testing.assert_allclose(second[:, 1] - first[:, 1], 0.1)
     np.testing.assert_allclose(first[:, 1] + second[:, 1], 0.0, atol=1e-12)
     np.testing.assert_allclose(alone[:, 1], 1.0)
@@ -115,7 +116,7 @@ def test_outlines_reach_as_far_as_solids_do_in_every_direction_seen_from_above(k
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     size, place = np.array([0.5, 0.3, 0.2]), np.array([1.0, 2.0, 0.3])
     solid = Obstacle(name="solid", kind=kind, size=size, position=place, rotation=turn)
-    corners = strokes.outline(solid)
+    corners = outline(solid)
     ahead, behind = np.roll(corners, -1, axis=0) - corners, corners - np.roll(corners, 1, axis=0)
     assert np.all(behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0] > 0)  # it turns left at every corner
     for angle in np.linspace(0.0, 2 * np.pi, 50):
@@ -136,7 +137,7 @@ TOLD = [pirrht.Problem, pirrht.Scene, pirrht.Goal, pirrht.Obstacle, pirrht.Sampl
 UNIT = re.compile(r"\[[^]]+\]")
 
 
-@pytest.mark.parametrize("entry", [*EXAMPLES, Scenario], ids=lambda entry: entry.__name__)
+@pytest.mark.parametrize("entry", [*EXAMPLES, Scenario, Traits], ids=lambda entry: entry.__name__)
 def test_the_example_in_a_docstring_gives_what_it_says(entry):
     said = inspect.getdoc(entry)
     example = doctest.DocTestParser().get_doctest(said, {}, entry.__name__, None, None)

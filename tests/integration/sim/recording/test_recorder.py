@@ -6,6 +6,7 @@ import pytest
 from drives import MAX_TIME, Drive, Moving, columns, record, rerun, static
 from rerun.chunk import RrdReader
 
+from pirrht.plotting.strokes import even
 from sim.drawing import strokes
 from sim.recording import geoms
 from sim.recording.stage import layout
@@ -65,7 +66,7 @@ def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side()
     drive = Drive()
     homology = drive.space.homology
     for reference in drive.tree.references(drive.scene.start[:2]):
-        line = strokes.even(reference.trajectory.points, 32)
+        line = even(reference.trajectory.points, 32)
         for k in range(homology.M):
             height = strokes.remaining(homology, reference, line, k)
             assert height[0] == reference.signature[k]

@@ -8,8 +8,9 @@ from drives import Moving, columns, timed
 from plants import body, moving_scene, rows
 
 from pirrht.arrays import Array
-from sim.drawing.colors import ClassColors
-from sim.drawing.strokes import MOMENTS, outline
+from pirrht.plotting.colors import ClassColors
+from pirrht.plotting.strokes import outline
+from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.strokes import timed as in_time
 from sim.drive.episode import Frame
 from sim.recording.plan_view import Pictures
@@ -55,7 +56,7 @@ def test_outlines_on_the_map_are_where_the_body_is_going_to_be(recorded):
     assert len(known["step"]) == 1 + round(5 * MAX_TIME)
     (mover,) = drive.scene.movers
     for frame, drawn in pictures(known, frames):
-        times = [after for after in MOMENTS if frame.time + after - MOMENTS[0] < mover.motion.last]
+        times = [after for after in PLOTTING.moments if frame.time + after - PLOTTING.moments[0] < mover.motion.last]
         assert len(drawn) == len(times)
         for ring, after in zip(drawn, times, strict=True):
             (solid,) = mover.at(frame.time + after)

@@ -13,9 +13,12 @@ from moving import moved
 from repository import ROOT
 from thoroughly import first
 
-from sim import plotting
+from pirrht.plotting import maps
+from pirrht.plotting.colors import ClassColors
+from pirrht.plotting.strokes import outline
+from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing import strokes
-from sim.drawing.colors import ClassColors, title
+from sim.drawing.colors import title
 from sim.mjcf import load
 
 SCRIPT = ROOT / "scripts" / "reproduce_figures.py"
@@ -108,11 +111,11 @@ def test_a_snapshot_shows_the_body_where_it_is_then_and_where_the_plan_takes_it(
     figure = snapshots.draw(plt, [one], labels=[""], width=7.0, whole=True)
     (mover,) = load("crossing").scene.movers
     for axes, step in zip(figure.axes, one.shown, strict=True):
-        (body,) = [p for p in axes.patches if p.get_fill() and to_hex(p.get_facecolor()) == plotting.MOVER]
+        (body,) = [p for p in axes.patches if p.get_fill() and to_hex(p.get_facecolor()) == maps.MOVER]
         (solid,) = mover.at(one.frames[step].time)
-        np.testing.assert_allclose(body.get_xy()[:-1], strokes.outline(solid))
-        later = [p for p in axes.patches if not p.get_fill() and to_hex(p.get_edgecolor()) == plotting.MOVER]
-        assert len(later) == len(strokes.MOMENTS)
+        np.testing.assert_allclose(body.get_xy()[:-1], outline(solid))
+        later = [p for p in axes.patches if not p.get_fill() and to_hex(p.get_edgecolor()) == maps.MOVER]
+        assert len(later) == len(PLOTTING.moments)
 
 
 def test_a_panel_per_scene_has_a_braid_per_class_from_the_start_at_0_to_the_goal():

@@ -10,8 +10,10 @@ from matplotlib import image
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from pirrht.plotting import maps
+from pirrht.plotting.colors import ClassColors
 from sim import plotting
-from sim.drawing.colors import ClassColors, passing
+from sim.drawing.colors import passing
 from sim.scenario import prepare
 
 CART = "\n".join(f'<geom name="p{k}" type="cylinder" size="0.12 0.2" pos="{0.7 * k - 1.05:g} 0 0"/>' for k in range(4))
@@ -89,7 +91,7 @@ def test_numbers_stand_where_references_are_at_these_seconds(door):
 def test_outlines_are_those_of_bodies_at_these_seconds_until_they_stand_still(door):
     motion, _, axes, step = door
     rings = [patch.get_xy() for patch in axes.patches if isinstance(patch, Polygon)]
-    numbers = [text for text in axes.texts if text.get_color() == plotting.MOVER]
+    numbers = [text for text in axes.texts if text.get_color() == maps.MOVER]
     times = step * np.arange(1, len(rings) + 1)
     assert times[-2] < motion.last <= times[-1]
     for time, ring, text in zip(times, rings, numbers, strict=True):

@@ -43,6 +43,7 @@ def test_nothing_is_foretold_anew_before_a_body_moves_otherwise():
     assert second.since == 1.1
     assert second.tree is not None
     assert second.tree.size == 200
+    assert second.tree.passages is first.tree.passages  # of static obstacles
     assert prediction.at(START, 1.9) is second
     prediction.begin()
     assert prediction.at(START, 0.0) is not second

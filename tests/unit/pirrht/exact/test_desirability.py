@@ -15,7 +15,7 @@ from moving import crossing
 from thoroughly import first
 
 from pirrht import Desirability, FreeSpace, Obstacle, PirrhtError, Problem, Sampling, Scene, Unicycle, path_integral
-from pirrht.exact.boundaries import surroundings_of
+from pirrht.exact.boundaries import moving_domain
 from pirrht.exact.grid import Settling, frame_at
 from pirrht.systems.single_integrator import SingleIntegrator
 
@@ -71,7 +71,7 @@ def test_a_change_that_is_infinite_or_rises_takes_nothing_back():
 
 def test_among_moving_obstacles_no_static_one_is_needed():
     hall = crossing()
-    found = surroundings_of(hall, frame_at(hall.lower.astype(float), 0.1, hall.goal), 0.5, 2.0)
+    found = moving_domain(hall, frame_at(hall.lower.astype(float), 0.1, hall.goal), 0.5, 2.0)
     assert found.owner.tolist() == [0]
 
 

@@ -120,6 +120,19 @@ def test_every_open_passage_gets_a_vertex(seed: int):
     assert has_vertex(tree).all()
 
 
+def test_a_tree_that_is_given_passages_offers_them_and_begins_again_where_the_robot_is():
+    space = double_slit()
+    own, given = grown(space, StraightLine(), 0), grown(space, StraightLine(), 0)
+    given.passages = own.passages
+    for tree in (own, given):
+        tree.grow(FEW // 2)
+        tree.aim(np.array([0.5, 5.0]))
+        tree.grow(FEW)
+    assert given.passages is own.passages
+    assert has_vertex(given).all()
+    np.testing.assert_array_equal(given.states[:FEW], own.states[:FEW])
+
+
 def test_at_least_every_second_draw_is_uniform_and_none_is_offered_twice_in_a_period():
     states = np.random.default_rng(0).random((100, 2))
     offers = PassageSampler(states)

@@ -11,8 +11,6 @@ from trees import grown
 
 from pirrht import FreeSpace, HomologyTree, OptionError, Reference
 from pirrht.moving.collision import MovingObstacles
-from pirrht.planner.shorten import resume, shorten
-from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Legs
 from sim.tree_file import load, save
@@ -140,8 +138,8 @@ STEERING = InTime()
 
 def taut(space: FreeSpace, knots: np.ndarray) -> Legs:
     """The shortened path."""
-    checker = EdgeChecker.of(space, STEERING)
-    return shorten(checker.until_goal(STEERING.connect(knots[:-1], knots[1:])), STEERING, checker)
+    checker = STEERING.checker(space)
+    return STEERING.shorten(checker.until_goal(STEERING.connect(knots[:-1], knots[1:])), checker)
 
 
 def cost_of(knots: np.ndarray) -> float:
@@ -213,8 +211,8 @@ def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[
 @pytest.mark.parametrize("aside", [(0.0, 0.0), (-0.02, 0.03)])
 def test_a_path_that_goes_on_from_an_earlier_one_is_as_good_as_one_made_anew(via, aside):
     space, path, x = later(via, aside)
-    checker = EdgeChecker.of(space, STEERING)
-    found = resume(x, path, STEERING, checker)
+    checker = STEERING.checker(space)
+    found = STEERING.resume(x, path, checker)
     anew = taut(space, np.vstack([x, path.knots[path.knots[:, 2] > 0.5]])).knots
     assert np.array_equal(found.knots[0], x)
     assert checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all()

@@ -14,7 +14,7 @@ from pirrht import HomologyTree, NoReference, Steering
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.jit.jit import inlined, kernel
-from pirrht.steering.motion import Motion, MotionKernels, Trajectory
+from pirrht.steering.motion import MotionKernels, MotionKind, Trajectory
 from pirrht.topology.signature import Signature
 
 SIDE, RADIUS = 4.0, 0.4
@@ -166,7 +166,7 @@ def _trajectory(steering: Any, path: Segments) -> Trajectory:
 
 
 KERNELS = MotionKernels(_entry, _cut, _certify, _pairs, _most, _between)
-SEGMENTS = Motion(KERNELS, lambda motions, i, space: True, _trajectory)
+SEGMENTS = MotionKind(KERNELS, lambda motions, i, space: True, _trajectory)
 
 
 class StraightInSpace(Steering):

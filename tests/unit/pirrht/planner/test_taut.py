@@ -9,8 +9,8 @@ from trees import grown
 
 from pirrht import Dubins, FreeSpace, Reference, Scene, Steering, StraightLine
 from pirrht.arrays import Array
-from pirrht.planner.shorten import taut_polyline
 from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.polyline import taut_polyline
 
 RADIUS, GOAL = 0.1, 0.1  # of the robot and of the goal's disc [m]
 TOUCHES = 0.01  # clearance of a corner [m]
@@ -39,7 +39,7 @@ def test_a_corner_that_touches_nothing_goes_also_before_the_goal(seed: int):
     middle = np.array([[1.0, 3.2], [1.7, 4.2], [3.0, 4.5], [4.2, 4.0], [4.9, 3.2], [5.3, 3.1]])
     middle += rng.uniform(-0.15, 0.15, middle.shape)
     path = np.vstack([[0.5, 3.0], middle, [5.45, 3.0]])
-    short = taut_polyline(path, EdgeChecker.of(space, StraightLine()).around)
+    short = taut_polyline(path, StraightLine().checker(space).around)
     assert np.all(space.collision.segments_free(short[:-1], short[1:]))
     assert space.homology.winding(short) == space.homology.winding(path)
     assert length(short) <= length(path)
@@ -79,6 +79,13 @@ class Foreign(Steering):
         return self.own.roots(goal)
 
 
+class Patient(StraightLine):
+    """Straight lines whose paths stay as the tree has them."""
+
+    def shorten(self, path: Any, checker: EdgeChecker) -> Any:
+        return path
+
+
 def by_class(references: list[Reference]) -> dict[tuple[int, ...], Reference]:
     return {reference.winding: reference for reference in references}
 
@@ -92,6 +99,13 @@ def test_straight_lines_of_a_foreign_steering_are_as_taut_as_our_own(seed: int):
     assert len(shared) >= 2
     for winding in shared:
         assert by_class(foreign)[winding].length == pytest.approx(by_class(own)[winding].length, rel=1e-3)
+
+
+def test_a_steering_that_shortens_otherwise_is_asked_for_it():
+    space = FreeSpace.of(scattered(0))
+    x = space.scene.start[:2]
+    tree = grown(space, Patient(), 150)
+    assert [one.length for one in tree.references(x)] == [one.length for one in tree.references(x, shortened=False)]
 
 
 @pytest.mark.slow

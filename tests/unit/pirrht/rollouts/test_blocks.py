@@ -22,6 +22,7 @@ from pirrht.rollouts.cpu import Cpu, loops
 from pirrht.rollouts.path import any_path
 from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import Paths
+from pirrht.traits import Traits
 from sim.scenario import Scenario
 
 TIMES = np.concatenate([np.arange(10) * 0.01, np.arange(1, 40) * 0.1])
@@ -43,7 +44,7 @@ def both(scenario: Scenario, tree: HomologyTree, counts: list[int], phi: float, 
     problem = replace(scenario.problem, phi=phi)
     source = path_integral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
-    path = any_path(KernelSpec(scenario.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True))
+    path = any_path(KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, Traits.of(problem)))
     source.backend = Cpu(loops(*path, 2), 1)
     return block, drawn(source, tree, counts).paths
 

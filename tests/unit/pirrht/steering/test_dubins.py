@@ -8,8 +8,6 @@ from windings_by_angle import turns_of_curve
 from pirrht import Dubins, FreeSpace, Unicycle
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import TWO_PI, Curves, along
-from pirrht.planner.shorten import shorten
-from pirrht.steering.edges import EdgeChecker
 
 CAR = Dubins(V=1.5, rho=0.8)
 R = CAR.radius
@@ -149,12 +147,12 @@ def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> N
     space, rng = FreeSpace.of(scene_of(start=(1.0, 1.0), goal=(8.0, 8.0, 0.3), side=9.0)), np.random.default_rng(seed)
     goal = space.scene.goal
     states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
-    checker = EdgeChecker.of(space, CAR)
+    checker = CAR.checker(space)
     path = checker.until_goal(CAR.connect(states[:-1], states[1:]))
     aims = np.linspace(-np.pi, np.pi, 2001)[:, None]
     rim = np.hstack([goal.center - goal.radius * np.hstack([np.cos(aims), np.sin(aims)]), aims])
     best = CAR.distance(states[0], rim).min() * CAR.V
-    short = shorten(path, CAR, checker).length.sum()
+    short = CAR.shorten(path, checker).length.sum()
     assert path.length.sum() > 1.2 * best
     assert best - 1e-5 <= short <= best * (1.0 + 1e-3)
 

@@ -12,7 +12,6 @@ from pirrht import FreeSpace, Problem, Scene, SingleIntegrator
 from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.geometry.collision import Collision
 from pirrht.moving.collision import MovingObstacles
-from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.systems.rover import Rover
 
@@ -49,7 +48,7 @@ def test_edges_never_collide_and_only_what_nearly_collides_is_refused(scene):
     space, steering = FreeSpace.of(scene()), InTime()
     tails, heads = edges(3, 160)
     motions = steering.connect(tails, heads)
-    judged = EdgeChecker.of(space, steering).inspect(motions, np.zeros(len(tails), dtype=bool))
+    judged = steering.checker(space).inspect(motions, np.zeros(len(tails), dtype=bool))
     crowd = MovingObstacles(space.scene.movers, space.scene.footprint)
     possible, counts = np.isfinite(motions.cost), [0, 0]
     for i in np.flatnonzero(possible):
@@ -95,7 +94,7 @@ def test_nearest_states_are_those_of_least_cost_in_either_direction(forward):
 
 def test_a_way_into_the_goal_is_paid_up_to_the_rim_and_other_ways_must_not_enter_it():
     space, steering = FreeSpace.of(hall("empty", [])), InTime()
-    checker = EdgeChecker.of(space, steering)
+    checker = steering.checker(space)
     motions = steering.connect(np.array([[1.0, 2.5, 0.0]]), GOAL)
     assert checker.inspect(motions, np.array([True])).cost[0] == pytest.approx(2.0 * 4.2)
     assert checker.inspect(motions, np.array([False])).status[0] == BLOCKED

@@ -10,7 +10,6 @@ from moving import SCENES, hall, moved
 from pirrht import FreeSpace, Homology
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Footprint, Scene
-from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import copied
 from pirrht.topology.tracks import markers_of
@@ -114,7 +113,7 @@ def random_path(rng: np.random.Generator, count: int = 7) -> np.ndarray:
 
 def summed_turns(space: FreeSpace, knots: np.ndarray) -> tuple[int, ...]:
     """What the edges of a path add, whether they are free or not."""
-    homology, checker = STEERING.homology(space), EdgeChecker.of(space, STEERING)
+    homology, checker = STEERING.homology(space), STEERING.checker(space)
     legs = STEERING.connect(knots[:-1], knots[1:])
     record, total = copied(legs), np.zeros(homology.M, dtype=int)
     marker, turn = np.empty(homology.M, np.int32), np.empty(homology.M, np.int16)

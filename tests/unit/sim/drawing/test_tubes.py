@@ -10,7 +10,9 @@ from moving import moved, oblique
 from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Mover
 from pirrht.moving.collision import radius_of
-from sim.drawing.strokes import CORNERS, MOMENTS, TURN, foreseen, outline, tubes
+from pirrht.plotting.strokes import outline
+from pirrht.plotting.tuning import TUNING as PLOTTING
+from sim.drawing.strokes import CORNERS, TURN, foreseen, tubes
 
 PATROL = moved("patrol", [(0, 1, 1, 0), (1, 3, 1, 2), (1.5, 3, 2, 2)], block("b", 0.2, 0, (0.5, 0.1)), repeat=True)
 BODIES = [*oblique().movers, PATROL, replace(PATROL, motion=PATROL.motion.after(0.7))]
@@ -46,7 +48,7 @@ def test_a_tube_is_cut_where_its_body_starts_over_elsewhere():
 def test_outlines_ahead_are_where_the_motion_leads_and_the_later_the_weaker():
     mover, now = moved("m", [(0, 1, 1, 0), (9, 10, 1, 3)], block("b", 0, 0, (0.4, 0.1))), 0.7
     found = foreseen([mover], now)
-    assert [one.after for one in found] == [0.0, *MOMENTS]
+    assert [one.after for one in found] == [0.0, *PLOTTING.moments]
     strengths = [one.strength for one in found]
     assert strengths == sorted(strengths, reverse=True)
     assert strengths[0] == 1.0

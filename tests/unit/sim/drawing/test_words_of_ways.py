@@ -12,20 +12,10 @@ from drives import Drive
 from moving import moved
 
 from pirrht.geometry.scene import Footprint
+from pirrht.plotting.colors import EARLY, ClassColors, nth_color, place_of
 from pirrht.topology.homology import Homology
 from sim.drawing import strokes
-from sim.drawing.colors import (
-    EARLY,
-    ClassColors,
-    labels,
-    method_color,
-    nth_color,
-    numbered,
-    passing,
-    place_of,
-    sides,
-    worded,
-)
+from sim.drawing.colors import labels, method_color, numbered, passing, sides, worded
 from sim.result import plan_json
 from sim.scenario import prepare
 

@@ -24,38 +24,40 @@ from pirrht.geometry.scene import Goal
 from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.vectors import copy_rows
-from pirrht.planner.chain import keys_of, shortcut_with
-from pirrht.planner.tuning import IN_TIME as TUNING
+from pirrht.steering.chain import Connect, keys_of, shortcut_with
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import LATE, InTime, entered, free_leg
+from pirrht.steering.legs import LATE, entered, free_leg
 from pirrht.steering.motion import Legs
+from pirrht.steering.tuning import IN_TIME as TUNING
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.moving_crossings import crossings_of_leg
 
 BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
 
 
-def taut_in_time(path: Legs, steering: InTime, checker: EdgeChecker) -> Legs:
+def taut_in_time(path: Legs, connect: Connect, numbers: tuple[float, ...], checker: EdgeChecker) -> Legs:
     """Shorten a path into the goal's disc inside its class, at no more cost."""
     best = path
     key = _judged(path, checker)[1]
     relax = relaxation(checker.space.moving.kernels)
 
-    joined, _ = _joined(path.knots, steering, checker, far=True)
+    joined, _ = _joined(path.knots, connect, numbers, checker, far=True)
     if joined is not None and joined.cost.sum() <= path.cost.sum():
         best = joined
     for count, margins in TUNING.rounds:
         for margin in margins:
             knots = _meshed(best.knots, count)
-            relax(checker.around, steering.numbers, knots, margin, checker.space.scene.robot_radius, 0)
-            found, own = _joined(knots, steering, checker, far=False)
+            relax(checker.around, numbers, knots, margin, checker.space.scene.robot_radius, 0)
+            found, own = _joined(knots, connect, numbers, checker, far=False)
             if found is not None and own == key and found.cost.sum() < best.cost.sum():
                 best = found
                 break
     return best
 
 
-def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Legs | None:
+def resumed(
+    x: Array, path: Legs, connect: Connect, numbers: tuple[float, ...], checker: EdgeChecker
+) -> Legs | None:  # fmt: skip
     """Shorten the rest of a path from x (3,) [m, m, s] near it, in any class; None if none is left or free."""
     goal, radius, knots = checker.space.scene.goal, checker.space.scene.robot_radius, path.knots
     soon = x[2] + TUNING.soon * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
@@ -66,9 +68,9 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
         moved = knots.copy()
         if margin > 0.0:
             relax = relaxation(checker.space.moving.kernels)
-            relax(checker.around, steering.numbers, moved, margin, radius, len(TUNING.weights) - 1)
+            relax(checker.around, numbers, moved, margin, radius, len(TUNING.weights) - 1)
         moved[-1, :2] = _into(moved[-1, :2], goal)
-        found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
+        found: Legs = checker.until_goal(connect(moved[:-1], moved[1:]))
         if _judged(found, checker)[0]:
             return found
     return None
@@ -87,13 +89,15 @@ def _judged(path: Legs, checker: EdgeChecker) -> tuple[bool, int]:
     return bool(edges.free.all()), int(keys_of(edges.turns, checker.around.weights).sum())
 
 
-def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) -> tuple[Legs | None, int]:
+def _joined(
+    knots: Array, connect: Connect, numbers: tuple[float, ...], checker: EdgeChecker, *, far: bool
+) -> tuple[Legs | None, int]:  # fmt: skip
     """Join some of the knots (k, 3) by legs up to the goal's disc; the path, None if a leg is not free, and its key."""
     kept = knots.copy()
     kept[-1, :2] = _into(kept[-1, :2], checker.space.scene.goal)
     shortcut = shortcuts(checker.space.moving.kernels)
-    kept = kept[: shortcut(checker.around, steering.numbers, kept, len(kept) if far else TUNING.patience)]
-    path: Legs = checker.until_goal(steering.connect(kept[:-1], kept[1:]))
+    kept = kept[: shortcut(checker.around, numbers, kept, len(kept) if far else TUNING.patience)]
+    path: Legs = checker.until_goal(connect(kept[:-1], kept[1:]))
     free, key = _judged(path, checker)
     return path if free else None, key
 

@@ -19,13 +19,13 @@ from pirrht.geometry.arcs import FREE, LEAST_STEP, UNSURE
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.jit.vectors import copy_row
-from pirrht.planner.tuning import CHAIN, RESUME, ChainTuning, ResumeTuning
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import MotionKernels, Motions, copied
-from pirrht.steering.steering import CompiledSteering, Steering
+from pirrht.steering.tuning import CHAIN, RESUME, ChainTuning, ResumeTuning
 from pirrht.topology.crossings import Turns, key_of_pairs
 
 Number = Callable[..., float]
+Connect = Callable[[Array, Array], Any]  # optimal motions from tails (k, n) to heads (k, n), as `Steering.connect`
 
 
 class Chain(NamedTuple):
@@ -36,30 +36,39 @@ class Chain(NamedTuple):
     key: NDArray[np.int64]  # (k,) its additive key
 
 
-def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuning: ChainTuning = CHAIN) -> Any:
-    """Find a path of consecutive motions into the goal, of one kind and class with `path`, that never costs more."""
-    states, motion = np.vstack([path.tails[:1], path.heads]), checker.motion.kernels
-    numbers: tuple[float, ...] = ()
-    if isinstance(steering, CompiledSteering):
-        numbers, kind = steering.numbers, type(steering)
-        shorten = _compiled_chain(kind.cost, kind.optimum, motion, kind.shift, steering.n)
-    else:  # plain Python
+def cheapest_chain(
+    path: Motions, connect: Connect, chain: Callable[..., Array], numbers: tuple[float, ...], moves: int,
+    checker: EdgeChecker, tuning: ChainTuning = CHAIN,
+) -> Any:  # fmt: skip
+    """Find a path of consecutive motions into the goal, of one kind and class with `path`, that never costs more.
 
-        def cost(tail: Array, head: Array, numbers: tuple[float, ...], limit: float) -> float:
-            return float(steering.distance(tail, head))
-
-        def connect(tails: Array, heads: Array, numbers: tuple[float, ...]) -> Any:
-            return copied(steering.connect(tails, heads))
-
-        shorten = _chain(cost, connect, motion, type(steering).shift, lambda function: function)
+    `chain` is one of `plain_chain` or `compiled_chain`, which takes `numbers`; `moves` are those that its shift knows.
+    """
+    states = np.vstack([path.tails[:1], path.heads])
     with np.errstate(over="ignore"):  # keys wrap
-        short = shorten(checker.around, numbers, states, steering.moves, tuning)
-    found = checker.until_goal(steering.connect(short[:-1], short[1:]))
+        short = chain(checker.around, numbers, states, moves, tuning)
+    found = checker.until_goal(connect(short[:-1], short[1:]))
     return found if found.cost.sum() < path.cost.sum() else path
 
 
+def plain_chain(
+    distance: Callable[..., Any], connect: Connect, motion: MotionKernels, shift: Any
+) -> Callable[..., Array]:
+    """Build a chain in plain Python, by the cost between two states (n,) and their optimal motion."""
+
+    def cost(tail: Array, head: Array, numbers: tuple[float, ...], limit: float) -> float:
+        return float(distance(tail, head))
+
+    def optimum(tails: Array, heads: Array, numbers: tuple[float, ...]) -> Any:
+        return copied(connect(tails, heads))
+
+    return _chain(cost, optimum, motion, shift, lambda function: function)
+
+
 @cache
-def _compiled_chain(cost: Number, connect: Any, motion: MotionKernels, shift: Any, n: int) -> Callable[..., Array]:
+def compiled_chain(cost: Number, connect: Any, motion: MotionKernels, shift: Any, n: int) -> Callable[..., Array]:
+    """Build a chain in compiled code, by kernels of a `CompiledSteering` for states of n numbers."""
+
     @inlined
     def cost_of_rows(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
         return cost(as_tuple(tail, n), as_tuple(head, n), numbers, limit)
@@ -277,7 +286,7 @@ def shortcut_with(key_of: Callable[..., int], joins: Callable[..., bool]) -> Cal
     return found
 
 
-def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, tuning: ResumeTuning = RESUME) -> Any:
+def resumed(x: Array, path: Motions, connect: Connect, checker: EdgeChecker, tuning: ResumeTuning = RESUME) -> Any:
     """Find the cheapest path from x (n,) to one of the next corners of an earlier one and on; None if none is free.
 
     Its class is that of x, the next corner and on, if the motion to that is free; else it may be another.
@@ -288,7 +297,7 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
     corners[-1, :2] += tuning.into_goal * (checker.space.scene.goal.center - corners[-1, :2])
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
     tails = np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]])
-    motions = copied(steering.connect(tails, corners[to]))
+    motions = copied(connect(tails, corners[to]))
     edges, _ = judge_with(checker.motion.kernels)(checker.around, motions, to == len(corners) - 1, to)
     free = edges.free[:count]
     direct = edges.cost[:count]
@@ -302,7 +311,7 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
         return None
     onward = np.cumsum(path.cost[::-1])[::-1] - path.cost  # from each corner
     stations = np.vstack([x, corners[int(np.argmin(np.where(free, direct + onward[:count], np.inf))) :]])
-    return checker.until_goal(steering.connect(stations[:-1], stations[1:]))
+    return checker.until_goal(connect(stations[:-1], stations[1:]))
 
 
 def keys_of(turns: Turns, weights: NDArray[np.int64]) -> NDArray[np.int64]:

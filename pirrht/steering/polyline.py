@@ -1,6 +1,4 @@
-"""Shorten a path inside its homology class by the method that suits its steering.
-
-Polylines have their own: shortcuts between corners, and corners blunted where they touch."""
+"""Shorten polylines inside their homology class: shortcuts between corners, and corners blunted where they touch."""
 
 import math
 from typing import Any
@@ -8,17 +6,24 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import FREE, certify_segment
+from pirrht.geometry.arcs import FREE, Curves, certify_segment
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.jit.vectors import copy_rows
-from pirrht.planner import chain, in_time
-from pirrht.planner.tuning import POLYLINE as TUNING
-from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import InTime, entered
-from pirrht.steering.motion import ARCS, Surroundings
-from pirrht.steering.steering import Steering
+from pirrht.steering.chain import Connect, shortcut_with
+from pirrht.steering.legs import entered
+from pirrht.steering.motion import Surroundings
+from pirrht.steering.tuning import POLYLINE as TUNING
 from pirrht.topology.crossings import key_of_segment
+
+
+def taut_lines(path: Curves, connect: Connect, around: Surroundings) -> Any:
+    """Shorten consecutive straight motions into the goal inside their class, and connect the corners that are left."""
+    length = path.length[-1].sum()
+    x, y, theta = path.start[-1]
+    end = np.array([x + length * np.cos(theta), y + length * np.sin(theta)])
+    short = taut_polyline(np.vstack([path.start[:, :2], end]), around)
+    return connect(short[:-1], short[1:])
 
 
 def taut_polyline(points: Array, around: Surroundings) -> Array:
@@ -55,7 +60,7 @@ def _joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
     return certify_segment(around.field, a[0], a[1], x, y, False) == FREE
 
 
-_shortcut = chain.shortcut_with(_key, _joins)
+_shortcut = shortcut_with(_key, _joins)
 
 
 @borrowing
@@ -179,28 +184,3 @@ def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
 
             return i + 2
     return count
-
-
-def shorten(path: Any, steering: Steering, checker: EdgeChecker) -> Any:
-    """Shorten a path (consecutive motions into the goal) inside its class, certified by the field, at no more cost."""
-    if isinstance(steering, InTime):
-        return in_time.taut_in_time(path, steering, checker)
-    if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
-        length = path.length[-1].sum()
-        x, y, theta = path.start[-1]
-        end = np.array([x + length * np.cos(theta), y + length * np.sin(theta)])
-        short = taut_polyline(np.vstack([path.start[:, :2], end]), checker.around)
-        return steering.connect(short[:-1], short[1:])
-    return chain.cheapest_chain(path, steering, checker)
-
-
-def resumes(steering: Steering) -> bool:
-    """Return whether paths of a method are shortened much faster from an earlier path of the class."""
-    return isinstance(steering, InTime) or not steering.drives or steering.motion is not ARCS
-
-
-def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any:
-    """Find the cheapest path from x (n,) near an earlier one into the goal, in any class; None if there is none."""
-    if isinstance(steering, InTime):
-        return in_time.resumed(x, path, steering, checker)
-    return chain.resumed(x, path, steering, checker)

@@ -1,0 +1,134 @@
+"""Draw maps of scenes with matplotlib: solids, moving obstacles, lines of classes, and names on them."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError, printable
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.obstacle import Mover
+from pirrht.geometry.scene import Obstacle, Scene
+from pirrht.plotting.colors import Color, rgb
+from pirrht.plotting.strokes import fading, outline, side_by_side
+from pirrht.plotting.tuning import TUNING
+
+FLOOR = "#f7f7f5"
+BORDER = "#777777"
+WALL = "#4d5866"
+GOAL = "#8fd19e"
+GOAL_EDGE = "#3c8f52"
+INK = "#222222"
+
+MOVER, TREE, SAMPLE = "#80609e", "#55aacc", "#70747a"
+LEGEND = {"fontsize": 8, "title_fontsize": 8, "frameon": False, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
+
+
+def pyplot(what: str) -> Any:
+    """Return matplotlib.pyplot; OptionError, which says what needs it, if matplotlib is not installed."""
+    try:
+        from matplotlib import pyplot as plt
+    except ModuleNotFoundError as error:
+        install = "install with: pip install 'pirrht[figures]', or 'pirrht[all]' for every command"
+        raise OptionError(f"{what} needs {error.name}; {install}") from None
+    return plt
+
+
+def literal(text: str) -> str:
+    """Return text that matplotlib shows in one line as it is: no formula, and no label that legends leave out."""
+    return printable(f" {text}" if text.startswith("_") else text).replace("$", r"\$")
+
+
+def of(space: FreeSpace, time: float, axes: Any, what: str) -> Any:
+    """Draw an examined scene at a time [s] and number its obstacles, on new axes if none are given; return the axes."""
+    axes = axes or pyplot(what).subplots(figsize=(7.0, 5.0), layout="constrained")[1]
+    draw(axes, space.scene, time)
+    numbers(axes, space, time)
+    return axes
+
+
+def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
+    """Draw a scene to scale, with moving obstacles at a time [s]."""
+    from matplotlib.patches import Circle, Rectangle
+
+    axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
+    solids(axes, scene.obstacles, fc=WALL, ec="none", zorder=3)
+    bodies(axes, scene.movers, time)
+    axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
+    axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
+    margin = 0.02 * float((scene.upper - scene.lower).max())
+    left, low = scene.lower - margin
+    right, high = scene.upper + margin
+    axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
+
+
+def lines(axes: Any, drawn: Sequence[Array], color: str, *, width: float, opacity: Any, zorder: float) -> None:
+    """Draw polylines (k, 2) [m]; opacities are common or one each."""
+    from matplotlib.collections import LineCollection
+
+    if len(drawn):
+        axes.add_collection(LineCollection(list(drawn), colors=color, lw=width, alpha=opacity, zorder=zorder))
+
+
+def classes(
+    axes: Any, lines: Sequence[Array], labels: Sequence[str], colors: Sequence[Color], **legend: Any
+) -> None:  # fmt: skip
+    """Draw one polyline (k, 2) [m] per class, side by side where they coincide, with colours and labels."""
+    per_point = float(np.ptp(axes.get_xlim())) / (72.0 * axes.get_window_extent().width / axes.figure.dpi)
+    drawn = side_by_side(lines, TUNING.line * per_point)
+    for place, (line, label, color) in enumerate(zip(drawn, labels, colors, strict=True)):
+        axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=TUNING.line, zorder=4.0 - 1e-3 * place)
+    if labels:
+        axes.legend(**LEGEND, **legend)
+
+
+def numbers(axes: Any, space: FreeSpace, time: float) -> None:
+    """Write the numbers by which classes name obstacles, moving ones where they are at a time [s]."""
+    places = [*space.homology.markers]
+    if len(space.scene.movers) == space.homology.J:  # else one has parts with a number each
+        places += [mover.motion.pose(time)[:2] for mover in space.scene.movers]
+    tags(axes, places, [str(number) for number in range(1, len(places) + 1)])
+
+
+def tags(axes: Any, places: Iterable[Array], texts: Sequence[str]) -> None:
+    """Write a text at each of several places (2,) [m], to be read on obstacles as on the floor."""
+    from matplotlib.patheffects import withStroke
+
+    style = {"color": "white", "fontsize": 8, "ha": "center", "va": "center", "zorder": 5}
+    for (x, y), text in zip(places, texts, strict=True):
+        axes.text(x, y, literal(text), path_effects=[withStroke(linewidth=1.8, foreground=WALL)], **style)
+
+
+def solids(axes: Any, drawn: Sequence[Obstacle], **style: Any) -> None:
+    """Draw solids seen from above, with the style of a patch."""
+    from matplotlib.patches import Polygon
+
+    for solid in drawn:
+        axes.add_patch(Polygon(outline(solid), closed=True, **style))
+
+
+def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0) -> None:
+    """Draw moving obstacles at a time [s]."""
+    for mover in movers:
+        solids(axes, mover.at(time), fc=MOVER, ec="none", alpha=0.7, zorder=zorder)
+
+
+def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
+    """Outline moving obstacles soon after a time [s], the paler the later."""
+    for mover in movers:
+        outlined(axes, mover, [(time + after, strength) for after, strength in fading(mover, time)], zorder=zorder)
+
+
+def outlined(axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *, zorder: float) -> None:
+    """Outline a moving obstacle at times [s], each with its opacity."""
+    for time, alpha in moments:
+        solids(axes, mover.at(time), fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=zorder)
+
+
+def position(axes: Any, place: Array, control: Array) -> None:
+    """Mark a place (2,) [m]; if the control is a velocity (2,) [m/s], with an arrow along it."""
+    axes.plot(*place, "o", ms=5, color=INK, zorder=6)
+    if len(control) == 2:
+        style = {"arrowprops": {"arrowstyle": "-|>", "lw": 1.4, "color": INK}, "zorder": 6}
+        axes.annotate("", tuple(place + TUNING.arrow * control), tuple(place), **style)

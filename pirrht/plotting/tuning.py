@@ -1,0 +1,20 @@
+"""Sizes of what maps show."""
+
+from typing import NamedTuple
+
+
+class PlottingTuning(NamedTuple):
+    """Widths, opacities and spacings of lines on maps."""
+
+    corners: int = 64  # of what is round, seen from above
+    moments: tuple[float, ...] = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
+    bundle: float = 5.0  # widths of strokes that many coinciding ones share
+    smooth: int = 9  # points over which shifts of strokes change
+    line: float = 2.0  # width of the path of a class [points]
+    arrow: float = 0.5  # time that the arrow of a control spans [s]
+    faint: float = 0.08  # opacity of a sample of the least weight, ...
+    strong: float = 0.6  # ... and of the greatest
+    spacing: float = 0.15  # of points on edges that turn [m]
+
+
+TUNING = PlottingTuning()
