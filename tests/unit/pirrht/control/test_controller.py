@@ -5,7 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pirrht import HomologyTree, NoReference, OptionError
+from pirrht import (
+    Controller,
+    FreeSpace,
+    HomologyTree,
+    NoReference,
+    OptionError,
+    Problem,
+    Sampling,
+    Scene,
+    SingleIntegrator,
+)
 from pirrht.arrays import Array
 from pirrht.control.settings import TUNING, TimeBudget
 from sim.scenario import Scenario
@@ -151,7 +161,9 @@ def test_after_a_plan_that_fits_just_so_there_is_time_for_as_many_classes_and_el
     assert budget(-10.0).most_classes(classes) == 1
 
 
-@pytest.mark.parametrize(("where", "said"), [((3.4, 1.5), "already in the goal"), ((-1.0, 1.5), "outside the workspace")])
+@pytest.mark.parametrize(
+    ("where", "said"), [((3.4, 1.5), "already in the goal"), ((-1.0, 1.5), "outside the workspace")]
+)
 def test_a_plan_where_no_control_leads_on_is_refused(where: tuple[float, float], said: str):
     scene = Scene.from_boxes([], lower=(0, 0), upper=(4, 3), start=(0.6, 1.5), goal=(3.4, 1.5, 0.3), robot_radius=0.2)
     problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=np.eye(2))
