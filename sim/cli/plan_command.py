@@ -176,7 +176,8 @@ def plan(arguments: argparse.Namespace) -> int:
         vertices = scenario.settings.vertices
         with Progress("plan", vertices, " vertices") as bar:
             tree = scenario.empty_tree(scenario.grown_tree(bar.to).limit)
-            lengths = convergence_json(tree, scenario.start, vertices, every=max(1, vertices // 200), progress=bar.to)
+            x = tree.at(scenario.start, 0.0)
+            lengths = convergence_json(tree, x, vertices, every=max(1, vertices // 200), progress=bar.to)
         references = scenario.references(tree)
         watched = {"convergence": lengths}
         report_limit(scenario, tree)

@@ -94,9 +94,10 @@ def test_plan_reports_open_passages_that_no_path_leads_through(figures, capsys):
     assert "no path leads through 2 of 3 open passages; the narrowest" in capsys.readouterr().out
 
 
-def test_plan_reports_the_lengths_per_class_while_the_tree_grew(figures, tmp_path: Path):
+@pytest.mark.parametrize("scene", ["slit", "crossing"])
+def test_plan_reports_the_lengths_per_class_while_the_tree_grew(figures, tmp_path: Path, scene: str):
     picture = tmp_path / "lengths.png"
-    _, found = figures("plan", "slit", "--vertices", "200", "--convergence", str(picture))
+    _, found = figures("plan", scene, "--vertices", "200", "--convergence", str(picture))
     assert picture.read_bytes().startswith(b"\x89PNG")
     watched = found["convergence"]
     assert watched["vertices"][-1] == 200
