@@ -2,7 +2,7 @@
 
     python scripts/benchmark.py speed       rollouts and planning beside JAX, pytorch_mppi and OMPL (if installed:
                                             pip install 'pirrht[bench]'), control step, recording; or one --part of it;
-                                            --part moving: among 24 bodies that move; --part plant: physics steps
+                                            --part moving: among 24 moving obstacles; --part plant: physics steps
     python scripts/benchmark.py first-run   first runs from an empty cache of kernels, of --robot and --scene too, in
                                             turn with those of another checkout (--against)
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles

@@ -63,16 +63,21 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         return q(x, setup.parameters) if varying_rate else setup.rate
 
     @borrowing
+    def noise_input(setup, x, B):  # type: ignore[no-untyped-def]
+        """Write B at x (n,) to B[0] of B (2, rows, m), whose rest is scratch."""
+        if varying:
+            noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
+        else:
+            copy_rows(setup.diffusion, B[0])
+
+    @borrowing
     def displacement(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
         """Write the displacement by a step of dt [s] from x (n,) under modes a to out (n,); return q dt.
 
         B (2, rows, m) and f (n,) are scratch; B[0] keeps B of x, or where G is that of the middle, of the middle.
         """
+        noise_input(setup, x, B)
         B, G = B[0], B[1]
-        if varying:
-            noise_at(x, setup.parameters, setup.inverse, G, B)
-        else:
-            copy_rows(setup.diffusion, B)
         f[:] = 0.0
         copy_row(x, out)
         if setup.bridge and not noisy_position:
@@ -100,9 +105,9 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     @borrowing
     def ahead_of(setup, x, f, gx, gy):  # type: ignore[no-untyped-def]
         """Write the direction in which noise moves the position at x (n,), towards (gx, gy), to f (n,)."""
-        B = np.zeros((rows, m))
-        G = np.zeros((rows, m))
-        noise_at(x, setup.parameters, setup.inverse, G, B)
+        both = np.zeros((2, rows, m))
+        noise_input(setup, x, both)
+        B = both[0]
         f[0] = 0.0
         f[1] = 0.0
         for k in range(m):

@@ -96,12 +96,12 @@ def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
     off_y = dy - ahead * x[3] / way
 
     off = math.sqrt(off_x * off_x + off_y * off_y) + 1e-9
-    beside = min(off, HOMING.aim * radius)
-    depth = math.sqrt(radius * radius - beside * beside)
+    aside = min(off, HOMING.aim * radius)
+    depth = math.sqrt(radius * radius - aside * aside)
     depth = depth if ahead > depth else 0.0
 
-    dx = dx - beside * off_x / off - depth * x[2] / way
-    dy = dy - beside * off_y / off - depth * x[3] / way
+    dx = dx - aside * off_x / off - depth * x[2] / way
+    dy = dy - aside * off_y / off - depth * x[3] / way
     r = 1.0 / (b * b * rate)  # of the control, for q = 1
     T, _ = best_duration(1.0, 1.5 * r * (dx * dx + dy * dy), -3.0 * r * (dx * x[2] + dy * x[3]), 1.5 * r * speed)
     scale = 3.0 / max(T * T * b, 1e-9)

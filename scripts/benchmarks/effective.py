@@ -1,6 +1,6 @@
 """Effective samples of all plans of drives: robots in built-in scenes, worlds of BARN, and scenes that a seed grows.
 
-The worlds of BARN are those of a folder beside the repository, if it is there. A row is one robot in one scene, or in
+The worlds of BARN are those of a folder next to the repository, if it is there. A row is one robot in one scene, or in
 all worlds of a kind; the last row of a robot is all of its plans. With --robot or --scene there is only that; --seeds
 is of drives through each built-in scene.
 """

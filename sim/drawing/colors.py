@@ -143,8 +143,8 @@ def passing(references: Sequence[Reference], homology: Homology, names: Sequence
     called = numbered([*names, *homology.names])
     turns = np.array([reference.winding for reference in references]).reshape(len(references), len(called))
     differ = (turns != turns[:1]).any(axis=0)
-    told = np.flatnonzero(differ) if differ.any() else np.arange(static, len(called))
-    groups = [told[told < static].tolist(), told[told >= static].tolist()]
+    named = np.flatnonzero(differ) if differ.any() else np.arange(static, len(called))
+    groups = [named[named < static].tolist(), named[named >= static].tolist()]
     found = []
     for reference, moving in zip(references, sides(references, homology), strict=True):
         words = [*(_side(float(h) - 1.0) for h in reference.signature[:static]), *moving]

@@ -271,8 +271,8 @@ def test_without_a_package_of_the_simulation_a_command_names_the_one_that_instal
     real = extras.find_spec
     monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "mujoco" else real(name))
     assert main(["scenes"]) == 2
-    told = "pirrht: pirrht scenes needs mujoco; install with: pip install 'pirrht[sim]', or 'pirrht[all]' for every"
-    assert capsys.readouterr().err == f"{told} command\n"
+    line = "pirrht: pirrht scenes needs mujoco; install with: pip install 'pirrht[sim]', or 'pirrht[all]' for every"
+    assert capsys.readouterr().err == f"{line} command\n"
 
 
 @pytest.mark.parametrize(
@@ -291,8 +291,8 @@ def test_everything_that_a_command_lacks_is_offered_at_once_and_before_any_work(
     there = {"defusedxml", "mujoco", "pyarrow", "rerun", "OpenGL"}
     monkeypatch.setattr(extras, "find_spec", lambda name: name if name in there else None)
     assert main(words.split()) == 2
-    told = f"pirrht: pirrht {words.split()[0]} needs {modules}; install with: pip install {offer}, or 'pirrht[all]'"
-    assert capsys.readouterr().err == f"{told} for every command\n"
+    line = f"pirrht: pirrht {words.split()[0]} needs {modules}; install with: pip install {offer}, or 'pirrht[all]'"
+    assert capsys.readouterr().err == f"{line} for every command\n"
 
 
 def test_the_extra_all_holds_what_every_command_needs():

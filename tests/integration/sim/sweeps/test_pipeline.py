@@ -104,6 +104,6 @@ def test_a_terminal_sees_runs_done_goals_and_trees_and_a_pipe_nothing(terminal, 
         for outcome in ("goal", "collision", "goal", None):
             progress.add({"outcome": outcome}, 2)
         progress.add(None, 2)
-    told = stream.getvalue()
-    assert not terminal or all(part in told for part in ("trees 1/2", "5/8", "goal 75%", "runs"))
-    assert terminal or told == ""
+    shown = stream.getvalue()
+    assert not terminal or all(part in shown for part in ("trees 1/2", "5/8", "goal 75%", "runs"))
+    assert terminal or shown == ""

@@ -2,18 +2,21 @@
 
 import copy
 import math
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import pytest
 from corners import BOX, START, cheapest, controller
 
-from pirrht import Controller
+from pirrht import Controller, FreeSpace, Problem, Sampling, Scene
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import Course, DDPGuide, empty_course
 from pirrht.rollouts.cpu import kind_of
+from pirrht.systems.dynamics import Dynamics, no_drift
 
 FAR_OFF = (-0.95, -1.95, -0.9, -1.9)  # a box that no path meets
 BEHIND = (2.4, -1.0, 2.5, 0.5)
@@ -126,3 +129,28 @@ def test_the_cost_hardly_jumps_as_the_last_step_slides_over_the_rim(off, speed):
     (few, below), (more, above) = sides
     assert (few, more) == (4, 5)
     assert above - below == pytest.approx((speed - 1.0) ** 2 * DT, abs=1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class Rail(Dynamics):
+    """A point on an oblique rail that carries an arm: constant inputs, of which one moves the position."""
+
+    n = 3
+    m = 2
+    states = ("x", "y", "arm")
+    parameters = np.zeros(0)
+    drift = staticmethod(no_drift)
+    input_matrix = np.array([[1.0, 0.0], [0.5, 0.0], [0.0, 1.0]])
+    input_noise = 0.1 * np.eye(2)
+
+
+def test_the_rest_to_the_goal_leads_along_a_line_that_never_turns():
+    scene = Scene.from_boxes([], lower=(0, 0), upper=(5, 4), start=(0.6, 0.8), goal=(3.6, 2.3, 0.3), robot_radius=0.2)
+    problem = Problem(dynamics=Rail(), scene=scene, R=2.0 * np.eye(2))
+    kind = kind_of(problem)
+    assert kind.along_line
+    assert kind.diffusion_block is None
+    setup = path_integral(problem, FreeSpace.of(scene), Sampling(samples=10)).setup
+    slope, bend = np.zeros(3), np.zeros((3, 3))
+    forward_pass(kind).expand_end(setup, 2.0, np.array([3.0, 2.0, 0.0]), slope, bend)
+    np.testing.assert_allclose(slope, [-4.0 / np.sqrt(5.0), -2.0 / np.sqrt(5.0), 0.0], atol=1e-6)
