@@ -51,6 +51,10 @@ class ClassMemory:
     weak: bool = False  # whether the last plan had too few effective samples not to learn from them
     saved: float = 0.0  # samples for weak plans, in multiples of a plan's
 
+    def waits(self, name: str) -> bool:
+        """Check whether a class without a guide, by name, is not to be tried anew yet."""
+        return self.guided < self.again.get(name, 0)
+
     def forget(self) -> None:
         """Forget guides and samples, but no path."""
         self.optima = {}

@@ -260,7 +260,7 @@ class ProposalBuilder:
             last = memory.optima.get(classes[k], [])
             late = k > 0 and short()
 
-            waits = memory.guided < memory.again.get(names[k], 0)
+            waits = memory.waits(names[k])
             if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and (late or waits)):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
@@ -281,7 +281,7 @@ class ProposalBuilder:
         found += mapped(improved, range(len(found), len(references)), self.integral.threads)
         memory.optima = {one: some for one, some in zip(classes, found, strict=True) if some and some[0].valid}
         for name, one in zip(names[1:], classes[1:], strict=True):
-            if not self.integral.moving and one not in memory.optima and memory.guided >= memory.again.get(name, 0):
+            if not self.integral.moving and one not in memory.optima and not memory.waits(name):
                 memory.again[name] = memory.guided + guidance.tuning.again
         return [some[0] if some else None for some in found]
 
