@@ -20,8 +20,9 @@ from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.world import Moving, NoMoving, World
-from pirrht.topology.homology import Homology
+from pirrht.topology.choice import signature_of
 from pirrht.topology.obstacles import Component, components, continued
+from pirrht.topology.signature import Signature
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,7 +36,7 @@ class FreeSpace:
     collision: Collision
     field: Field
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
-    homology: Homology  # about static and moving obstacles, with bases at 1 m/s
+    homology: Signature  # about static and moving obstacles, with bases at 1 m/s
     moving: Moving  # J moving obstacles, of which field and collision know nothing
 
     def __repr__(self) -> str:
@@ -67,13 +68,11 @@ class FreeSpace:
         cls, scene: Scene, collision: Collision, parts: Sequence[Component], encircled: tuple[Component, ...],
         named: int | None = None,
     ) -> FreeSpace:  # fmt: skip
-        markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
-        homology = Homology(markers=markers, goal=scene.goal.center.astype(float), named=named)
         try:
             field = build_field(collision, sorted(i for part in parts for i in part.members))
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
-        homology = homology.with_moving(scene.movers, scene.footprint)
+        homology = signature_of(scene, encircled, named)
         moving = moving_of(scene)
 
         return cls(scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology, moving=moving)
@@ -88,7 +87,7 @@ class FreeSpace:
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
         if self.scene.waivers != scene.narrow or (scene := fitted(scene, self.collision)).waivers != scene.narrow:
             return FreeSpace.of(scene)
-        return replace(self, scene=scene, homology=replace(self.homology, goal=scene.goal.center.astype(float)))
+        return replace(self, scene=scene, homology=self.homology.with_goal(scene.goal.center.astype(float)))
 
     def with_movers(self, movers: Sequence[Mover], moving: Moving | None = None) -> FreeSpace:
         """Return the static world and task among other moving obstacles, whose arrays may be given."""

@@ -36,7 +36,7 @@ from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import homology_of
 from pirrht.steering.motion import step_means
-from pirrht.topology.homology import Homology
+from pirrht.topology.signature import Signature
 
 USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
 
@@ -96,7 +96,7 @@ class Mppi(Policy):
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = 3.0,
-        terminal_cost: Callable[[Array], Array] | None = None, homology: Homology | None = None,
+        terminal_cost: Callable[[Array], Array] | None = None, homology: Signature | None = None,
         predict: ConstantVelocity | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         refuse_unless_positive(horizon, "the horizon", "it must be a positive number of seconds")

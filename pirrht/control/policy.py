@@ -27,8 +27,8 @@ from pirrht.problem import Problem
 from pirrht.proposals.fitted_law import LawFit
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Motions
-from pirrht.topology.homology import Driven, Homology
-from pirrht.topology.signature import class_id, integers
+from pirrht.topology.driven import Driven
+from pirrht.topology.signature import Signature, class_id, integers
 
 ClassFromStart = tuple[int, ...]  # class of the driven path and the path ahead together
 K = TypeVar("K")
@@ -96,7 +96,7 @@ class Halt:
 class RunState:
     """State of a run from x (n,) at a time [s] of the moving obstacles' clock."""
 
-    homology: Homology  # of the paths ahead, in the prediction if there is one
+    homology: Signature  # of the paths ahead, in the prediction if there is one
     x: InitVar[Array]
     time: float = 0.0  # of the run and of moving obstacles [s]
     movers: tuple[Mover, ...] = ()  # moving obstacles as predicted, on the run's clock
@@ -160,7 +160,7 @@ class Policy(ABC):
     """A feedback law that replans during a run: `Controller`, `Mppi` or `Optimal`."""
 
     path_integral: PathIntegral  # sampler of the problem
-    homology: Homology  # classes of references and runs
+    homology: Signature  # classes of references and runs
     tree: HomologyTree | None = None  # None: it needs none
     predict: ConstantVelocity | None = None  # None: motions are known
     run: RunState  # of the run under way

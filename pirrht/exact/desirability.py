@@ -34,8 +34,7 @@ from pirrht.steering.in_time import homology_of
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.topology.homology import Homology
-from pirrht.topology.signature import class_id
+from pirrht.topology.signature import Signature, class_id
 from pirrht.traits import Traits
 
 
@@ -201,7 +200,7 @@ class Desirability:
 
     def _walk(
         self, x: Array, samples: int, seed: int, t: float, step: float, *, margin: float | None = None
-    ) -> tuple[Homology, Array, Array, IntArray]:
+    ) -> tuple[Signature, Array, Array, IntArray]:
         """Draw paths by steps [s], with a margin [m] of held controls: turns, ends, outcomes."""
         d = self.problem.dynamics
         homology = homology_of(self.problem, self.space)
@@ -217,8 +216,8 @@ class Desirability:
         turns = np.zeros((samples, homology.M))
         ends = np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
-        walk = walker(self.evaluate, d.drift, how, self.moves)
-        walk(self.grid, process, homology.markers, homology.tracks, x0, seed, turns, ends, outcome)
+        walk = walker(self.evaluate, d.drift, how, self.moves, homology.table.kernels)
+        walk(self.grid, process, homology.table, x0, seed, turns, ends, outcome)
         return homology, turns, ends, outcome
 
 

@@ -21,8 +21,7 @@ from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
 from pirrht.rollouts.step import KernelSpec
-from pirrht.topology.crossings import key_of_segment
-from pirrht.topology.moving_crossings import key_of_path
+from pirrht.topology.signature import NO_CLASSES
 
 
 @cache
@@ -38,6 +37,11 @@ def optimiser(kind: KernelSpec) -> Any:
 
     among = kind.moving or NOTHING_MOVES
     watch, sweep = among.watch, among.sweep
+    classes = kind.classes or NO_CLASSES
+    key_of_step = classes.key
+    watch_class = classes.watch
+    begin_class = classes.begin
+    follow_class = classes.follow
 
     @kernel
     def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]
@@ -69,9 +73,12 @@ def optimiser(kind: KernelSpec) -> Any:
         if task.hold > 0.0:
             return True, True
         for i in range(length):
-            key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
+            key += key_of_step(setup.classes, states[i], states[i + 1])
         if moving:
-            key += key_of_path(setup.marks, setup.world.goal, states, length)
+            sides = watch_class(setup.marks)
+            key += begin_class(setup.marks, states[0], sides)
+            for i in range(length):
+                key += follow_class(setup.marks, i, 1.0, states[i + 1], sides)
         return key == own, key == own and _is_free(setup, states, length, times, bows)
 
     @kernel

@@ -51,7 +51,7 @@ class DDPGuidance:
                 "a point without drift among static obstacles takes StraightLine.of(problem) as its steering"
             )
         d, setup = problem.dynamics, world.setup
-        kind = kind_of(problem, setup.world.moving.kernels)
+        kind = kind_of(problem, setup.world.moving.kernels, setup.classes.kernels)
 
         self.problem = problem
         self.world = world

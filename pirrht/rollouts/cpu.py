@@ -16,17 +16,17 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.world import MovingKernels, World
+from pirrht.geometry.world import MovingKernels
 from pirrht.jit.jit import as_jitable, kernel, over_ranges
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.law import straight_home
 from pirrht.rollouts.path import Kept, any_path
-from pirrht.rollouts.point_block import replay, sample
+from pirrht.rollouts.point_block import blocks_for
 from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_homing
-from pirrht.topology.moving_crossings import NO_RAYS
+from pirrht.topology.signature import SignatureKernels
 from pirrht.traits import Traits
 
 KEPT: Any = Kept
@@ -83,15 +83,15 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
 
 
 class Cpu(NamedTuple):
-    """Backend of compiled kernels: `Cpu.of(problem, world)`."""
+    """Backend of compiled kernels: `Cpu.of(problem, setup)`."""
 
     kernels: Kernels
     threads: int
 
     @classmethod
-    def of(cls, problem: Problem, world: World, threads: int | None = None, *, fitted: bool = True) -> Cpu:
+    def of(cls, problem: Problem, setup: Setup, threads: int | None = None, *, fitted: bool = True) -> Cpu:
         """Choose the kernels of a problem, by default one thread per core of this process, for `Sampling.fitted`."""
-        kernels = kernels_for(problem, world.moving.kernels, fitted=fitted)
+        kernels = kernels_for(problem, setup.world.moving.kernels, setup.classes.kernels, fitted=fitted)
         return cls(kernels, threads or len(os.sched_getaffinity(0)))
 
     def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
@@ -148,15 +148,24 @@ class Cpu(NamedTuple):
         return states, applied, steps
 
 
-def kernels_for(problem: Problem, moving: MovingKernels | None = None, *, fitted: bool = True) -> Kernels:
+def kernels_for(
+    problem: Problem, moving: MovingKernels | None = None, classes: SignatureKernels | None = None, *,
+    fitted: bool = True,
+) -> Kernels:  # fmt: skip
     """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate (`kind_of`)."""
     if Traits.of(problem).in_blocks(moving is not None):
-        return Kernels(sample, replay, TUNING.alone_points)
-    return loops(*any_path(kind_of(problem, moving, fitted=fitted)), problem.dynamics.m)
+        return blocks_for(classes)
+    return loops(*any_path(kind_of(problem, moving, classes, fitted=fitted)), problem.dynamics.m)
 
 
-def kind_of(problem: Problem, moving: MovingKernels | None = None, *, fitted: bool = True) -> KernelSpec:
-    """Describe a problem for which kernels are compiled, kernels of its moving obstacles, and `Sampling.fitted`."""
+def kind_of(
+    problem: Problem, moving: MovingKernels | None = None, classes: SignatureKernels | None = None, *,
+    fitted: bool = True,
+) -> KernelSpec:  # fmt: skip
+    """Describe a problem for which kernels are compiled, for `Sampling.fitted` or not.
+
+    `moving` are kernels of its moving obstacles, `classes` those of the signature that paths are classified by.
+    """
     d = problem.dynamics
     traits = Traits.of(problem)
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
@@ -169,7 +178,7 @@ def kind_of(problem: Problem, moving: MovingKernels | None = None, *, fitted: bo
         diffusion_block=None if traits.constant_blocks else as_jitable(_function(noise)),
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, traits=traits,
         angles=sum(1 << i for i in d.angles), homing=as_jitable(homing), stratonovich=d.stratonovich, moving=moving,
-        curved_step=traits.drifts and not traits.noisy_position and fitted,
+        curved_step=traits.drifts and not traits.noisy_position and fitted, classes=classes,
     )  # fmt: skip
 
 
@@ -193,11 +202,12 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     x = np.zeros(d.n)
     traits = Traits.of(problem)
     known = traits.constant_gain
+    static = space.homology.static
     return Setup(
-        world=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
+        world=space.world, classes=static.table, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if known else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if known else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if traits.constant_blocks else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        least_rate=problem.least_rate / problem.temperature, marks=NO_RAYS,
+        least_rate=problem.least_rate / problem.temperature, marks=static.rays(x, np.zeros(1)),
     )  # fmt: skip

@@ -22,7 +22,7 @@ from pirrht.jit.vectors import copy_row
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import MotionKernels, Motions, copied
 from pirrht.steering.tuning import CHAIN, RESUME, ChainTuning, ResumeTuning
-from pirrht.topology.crossings import Turns, key_of_pairs
+from pirrht.topology.pairs import Turns, key_of_pairs
 
 Number = Callable[..., float]
 Connect = Callable[[Array, Array], Any]  # optimal motions from tails (k, n) to heads (k, n), as `Steering.connect`
@@ -298,7 +298,7 @@ def resumed(x: Array, path: Motions, connect: Connect, checker: EdgeChecker, tun
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
     tails = np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]])
     motions = copied(connect(tails, corners[to]))
-    edges, _ = judge_with(checker.motion.kernels)(checker.around, motions, to == len(corners) - 1, to)
+    edges, _ = judge_with(checker.kernels)(checker.around, motions, to == len(corners) - 1, to)
     free = edges.free[:count]
     direct = edges.cost[:count]
 

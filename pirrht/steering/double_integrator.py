@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,12 +30,12 @@ from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
-from pirrht.steering.motion import MotionKernels, MotionKind, Trajectory
+from pirrht.steering.motion import MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
 from pirrht.systems.dynamics import check_positive
-from pirrht.topology.crossings import crossed
+from pirrht.topology.signature import SignatureKernels
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
@@ -156,23 +157,30 @@ def _certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
         s = min(s + stride(c, s, most, free), duration)
 
 
-@kernel
-def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
-    c = _numbers(motions, i)
-    duration = motions.duration[i]
-    most, s = _greatest_force(c, duration), 0.0
-    ax, ay = place(c, 0.0)
-    while s < duration:
-        room = max(clearance(around.field, ax, ay), TUNING.shortest_side)
-        s = min(s + stride(c, s, most, room), duration)
-        bx, by = place(c, s)
-        if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
-            bx = motions.heads[i, 0]
-            by = motions.heads[i, 1]
-        count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-        ax, ay = bx, by
-    return count
+@cache
+def _pairs_of(classes: SignatureKernels) -> Any:
+    """Build the kernel that counts the turns of motions, by kernels of a signature."""
+    crossings = classes.crossings
+
+    @kernel
+    def pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+        """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
+        c = _numbers(motions, i)
+        duration = motions.duration[i]
+        most, s = _greatest_force(c, duration), 0.0
+        ax, ay = place(c, 0.0)
+        while s < duration:
+            room = max(clearance(around.field, ax, ay), TUNING.shortest_side)
+            s = min(s + stride(c, s, most, room), duration)
+            bx, by = place(c, s)
+            if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
+                bx = motions.heads[i, 0]
+                by = motions.heads[i, 1]
+            count = crossings(around.classes, (ax, ay, 0.0), (bx, by, 0.0), False, marker, turn, count)
+            ax, ay = bx, by
+        return count
+
+    return pairs
 
 
 @inlined
@@ -204,7 +212,13 @@ def _trajectory(steering: Any, path: Cubics) -> Trajectory:
 
 
 _most = inlined(lambda motions: 3)  # a cubic path crosses a straight cut no more often
-CUBICS = MotionKind(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)
+
+
+def _kernels(around: Surroundings) -> MotionKernels:
+    return MotionKernels(_entry, _cut, _certify, _pairs_of(around.classes.kernels), _most, _between)
+
+
+CUBICS = MotionKind(_kernels, _free, _trajectory)
 
 
 @kernel

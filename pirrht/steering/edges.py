@@ -15,7 +15,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE
 from pirrht.jit.jit import kernel
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, copied
-from pirrht.topology.crossings import Turns, summed
+from pirrht.topology.pairs import Turns, summed
 
 
 class Edges(NamedTuple):
@@ -54,6 +54,11 @@ class EdgeChecker:
     around: Surroundings
     motion: MotionKind = ARCS
 
+    @property
+    def kernels(self) -> MotionKernels:
+        """Kernels that judge its motions."""
+        return self.motion.kernels(self.around)
+
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
 
@@ -62,7 +67,7 @@ class EdgeChecker:
         """
         cut = copied(motions)
         near = np.arange(len(into_goal)) if near is None else near
-        edges, unsure = judge_with(self.motion.kernels)(self.around, cut, into_goal, near)
+        edges, unsure = judge_with(self.kernels)(self.around, cut, into_goal, near)
         for i in np.flatnonzero(edges.status == UNSURE).tolist() if unsure else ():
             if self.motion.free(cut, i, self.space):
                 edges.status[i] = FREE
@@ -70,7 +75,7 @@ class EdgeChecker:
 
     def until_goal(self, path: Any) -> Any:
         """Cut a path of consecutive motions where the last first enters the goal's disc."""
-        last, kernels = len(path.cost) - 1, self.motion.kernels
+        last, kernels = len(path.cost) - 1, self.kernels
         s = kernels.entry(path, last, self.around)
         if s < np.inf:
             path = copied(path)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -20,9 +20,7 @@ from pirrht.geometry.field import Field
 from pirrht.geometry.world import Moving
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
-from pirrht.topology.crossings import Cuts, pairs_of_curve
-from pirrht.topology.homology import Homology
-from pirrht.topology.tracks import MarkerTrajectories
+from pirrht.topology.signature import Signature, SignatureKernels, Table
 
 SPACING = 0.05  # distance of points on drawn arcs [m]
 
@@ -113,24 +111,20 @@ class Surroundings(NamedTuple):
     """A scene as kernels that judge or shorten motions take it; nothing in it moves for motions without times."""
 
     field: Field
-    cuts: Cuts
-    markers: Array  # (M - J, 2) of static obstacles [m]
+    classes: Table  # of the signature
     weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker, moving ones last
     goal_x: float  # goal point [m]
     goal_y: float
     goal_radius: float  # radius of the goal's disc [m]
     traffic: Moving  # J obstacles
-    tracks: MarkerTrajectories  # of J moving markers
-    speed: float  # of bases [m/s]
 
     @classmethod
-    def of(cls, space: FreeSpace, homology: Homology) -> Surroundings:
+    def of(cls, space: FreeSpace, homology: Signature) -> Surroundings:
         """Take an examined scene and the classes of paths in it."""
         x, y = space.scene.goal.center.tolist()
         return cls(
-            field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
-            goal_y=y, goal_radius=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
-            speed=homology.speed,
+            field=space.field, classes=homology.table, weights=homology.hash_weights, goal_x=x, goal_y=y,
+            goal_radius=float(space.scene.goal.radius), traffic=space.moving,
         )  # fmt: skip
 
 
@@ -175,7 +169,7 @@ class MotionKernels(NamedTuple):
 class MotionKind(NamedTuple):
     """A kind of motions: how the tree judges `Motions` of it, and makes references of them."""
 
-    kernels: MotionKernels
+    kernels: Callable[[Any], MotionKernels]  # (surroundings): those that judge motions in them
     free: Callable[[Any, int, FreeSpace], bool]  # FCL's verdict on motion i
     trajectory: Callable[[Any, Any], Trajectory]  # (steering, path): the controls that drive a path, and their times
 
@@ -216,12 +210,19 @@ def _certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
     return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i], patient)
 
 
-@part
-def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    curve = (curves.start[i], curves.curvature[i], curves.length[i])
-    head = (curves.heads[i, 0], curves.heads[i, 1])
+@cache
+def _pairs_of(classes: SignatureKernels) -> Any:
+    """Build the kernel that counts the turns of curves, by kernels of a signature."""
+    add = classes.arcs
 
-    return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
+    @part
+    def pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+        curve = (curves.start[i], curves.curvature[i], curves.length[i])
+        head = (curves.heads[i, 0], curves.heads[i, 1])
+
+        return add(around.classes, curve, to_goal, head, marker, turn, count)
+
+    return pairs
 
 
 @kernel
@@ -280,4 +281,10 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
 
 
 _most = inlined(lambda curves: curves.length.shape[1])
-ARCS = MotionKind(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)
+
+
+def _kernels(around: Surroundings) -> MotionKernels:
+    return MotionKernels(_entry, _cut, _certify, _pairs_of(around.classes.kernels), _most, _between)
+
+
+ARCS = MotionKind(_kernels, _free, _trajectory)

@@ -18,6 +18,7 @@ from pirrht.steering.chain import cheapest_chain, compiled_chain, plain_chain, r
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, Trajectory
 from pirrht.steering.polyline import taut_lines
+from pirrht.topology.signature import Signature
 
 
 @inlined
@@ -85,12 +86,8 @@ class Steering(ABC):
     def roots(self, goal: Array) -> Array:
         """Return the states (k, n) at the goal point (2,) [m] that the tree starts from."""
 
-    def motion_in(self, space: FreeSpace) -> MotionKind:
-        """Return the kind of its motions in an examined scene; here `motion`."""
-        return self.motion
-
-    def homology(self, space: FreeSpace) -> Any:
-        """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
+    def homology(self, space: FreeSpace) -> Signature:
+        """Signature of its paths in an examined scene; here about static obstacles only."""
         return space.homology.static
 
     def surroundings(self, space: FreeSpace) -> Any:
@@ -99,7 +96,7 @@ class Steering(ABC):
 
     def checker(self, space: FreeSpace) -> EdgeChecker:
         """Make the judge of its motions in an examined scene."""
-        return EdgeChecker(space=space, around=self.surroundings(space), motion=self.motion_in(space))
+        return EdgeChecker(space=space, around=self.surroundings(space), motion=self.motion)
 
     def shorten(self, path: Any, checker: EdgeChecker) -> Any:
         """Shorten a path of consecutive motions into the goal inside its class, certified, at no more cost.
@@ -108,7 +105,7 @@ class Steering(ABC):
         """
         if self.motion is ARCS and self.n == 2 and not np.any(path.curvature):
             return taut_lines(path, self.connect, checker.around)
-        found = self.chain(checker.motion.kernels)
+        found = self.chain(checker.kernels)
         return cheapest_chain(path, self.connect, found, self.numbers, self.moves, checker)
 
     def chain(self, motion: MotionKernels) -> Callable[..., Array]:

@@ -28,7 +28,7 @@ from pirrht.estimation.risk import CollisionProbability
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.topology.homology import Driven
+from pirrht.topology.driven import Driven
 from pirrht.topology.signature import OTHER, class_id
 from pirrht.traits import Traits
 from sim.drawing.colors import title

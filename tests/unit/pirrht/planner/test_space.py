@@ -15,7 +15,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import MotionKernels, MotionKind, Trajectory
-from pirrht.topology.signature import Signature
+from pirrht.topology.signature import Signature, SignatureKernels
 
 SIDE, RADIUS = 4.0, 0.4
 START, GOAL = np.array([0.8, 0.8, 2.0]), np.array([0.8, 3.2, 2.0])
@@ -36,18 +36,50 @@ def through(a, b, ring, half):
     return 1 if b[0] > a[0] else -1
 
 
+@kernel
+def _base(table, x, out):
+    out[0] = through(x, table.goal, table.ring, table.half)
+
+
+@kernel
+def _turns(table, a, b, out):
+    out[0] += through(a, b, table.ring, table.half)
+
+
+@kernel
+def _crossings(table, a, b, to_goal, marker, turn, count):
+    whole = through(a, b, table.ring, table.half) + through(b, table.goal, table.ring, table.half)
+    whole -= through(a, table.goal, table.ring, table.half)
+    if whole != 0:
+        marker[count], turn[count] = 0, whole
+        count += 1
+    return count
+
+
+class Links(NamedTuple):
+    goal: tuple[float, ...]
+    ring: tuple[float, ...]
+    half: float
+
+    @property
+    def kernels(self) -> SignatureKernels:
+        return SignatureKernels(_base, _crossings, _turns)
+
+
+LINKS = Links(tuple(GOAL.tolist()), tuple(RING.tolist()), HOLE + WIDTH)
+
+
 class Ring(Signature):
     """Linking number with a ring: the base is the straight line to the goal, closed paths count passages."""
 
-    M = 1  # type: ignore[assignment]
+    markers, goal, table = RING[None], GOAL, LINKS
     most_base = 1.0
 
-    def base(self, x: Array) -> Array:
-        return np.array([float(through(x, GOAL, RING, HOLE + WIDTH))])
+    def with_goal(self, goal: Array) -> "Ring":
+        return self
 
-    def crossings(self, a: Array, b: Array) -> list[tuple[int, int]]:
-        turn = through(a, b, RING, HOLE + WIDTH) + int(self.base(b)[0] - self.base(a)[0])
-        return [(0, turn)] if turn else []
+    def with_moving(self, movers: Any, footprint: Any) -> "Ring":
+        return self
 
 
 class BoxWorld:
@@ -77,7 +109,7 @@ class BoxWorld:
 class Surroundings(NamedTuple):
     boxes: Array  # (k, 2, 3)
     goal: Array  # (3,)
-    ring: Array  # (3,)
+    links: Links
     weights: Any  # (1,)
 
 
@@ -144,13 +176,7 @@ def _certify(motions, i, around, patient):
 
 @kernel
 def _pairs(motions, i, around, to_goal, marker, turn, count):
-    a, b, half = motions.tails[i], motions.heads[i], HOLE + WIDTH
-    whole = through(a, b, around.ring, half) + through(b, around.goal, around.ring, half)
-    whole -= through(a, around.goal, around.ring, half)
-    if whole != 0:
-        marker[count], turn[count] = 0, whole
-        count += 1
-    return count
+    return _crossings(around.links, motions.tails[i], motions.heads[i], to_goal, marker, turn, count)
 
 
 @kernel
@@ -166,7 +192,7 @@ def _trajectory(steering: Any, path: Segments) -> Trajectory:
 
 
 KERNELS = MotionKernels(_entry, _cut, _certify, _pairs, _most, _between)
-SEGMENTS = MotionKind(KERNELS, lambda motions, i, space: True, _trajectory)
+SEGMENTS = MotionKind(lambda around: KERNELS, lambda motions, i, space: True, _trajectory)
 
 
 class StraightInSpace(Steering):
@@ -197,7 +223,7 @@ class StraightInSpace(Steering):
         return Ring()
 
     def surroundings(self, space: BoxWorld) -> Surroundings:
-        return Surroundings(space.boxes, GOAL, RING, Ring().hash_weights)
+        return Surroundings(space.boxes, GOAL, LINKS, Ring().hash_weights)
 
 
 @pytest.fixture(scope="module")
