@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.world import Moving, NoMoving, World
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.topology.choice import signature_of
 from pirrht.topology.obstacles import Component, components, continued
 from pirrht.topology.signature import Signature
@@ -140,11 +140,8 @@ class FreeSpace:
 
 
 def moving_of(scene: Scene) -> Moving:
-    """Gather the moving obstacles of a scene, by the one implementation of their interface; in a static one, none."""
-    if not scene.movers:
-        return NoMoving()
-    found: Moving = import_module("pirrht.moving.obstacles").MovingObstacleArrays.of(scene)
-    return found
+    """Gather the moving obstacles of a scene; in a static one, none."""
+    return MovingObstacleArrays.of(scene) if scene.movers else NoMoving()
 
 
 def _checked(scene: Scene, *, start_counts: bool = True) -> tuple[Scene, Collision]:

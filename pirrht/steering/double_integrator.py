@@ -33,7 +33,7 @@ from pirrht.problem import Problem
 from pirrht.steering.motion import MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tuning import TUNING
-from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
+from pirrht.systems.double_integrator import best_duration
 from pirrht.systems.dynamics import check_positive
 from pirrht.topology.signature import SignatureKernels
 
@@ -301,9 +301,9 @@ class MassSteering(CompiledSteering):
 
     @classmethod
     def of(cls, problem: Problem) -> MassSteering:
-        """Take the optimum of a `DoubleIntegrator`'s problem, q constant, R a multiple of I; else OptionError."""
+        """Take the optimum of a mass that controls accelerate, q constant, R a multiple of I; else OptionError."""
         d = problem.dynamics
-        if not isinstance(d, DoubleIntegrator):
+        if d.control_kind != "acceleration":
             raise OptionError(f"cubic motions steer a DoubleIntegrator, not {type(d).__name__}; bring a Steering")
         R = problem.control_cost(np.zeros(4))
         if not np.allclose(R, R[0, 0] * np.eye(2)):

@@ -26,7 +26,6 @@ from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.straight_line import Tracked
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
-from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.signature import Signature
 
 
@@ -63,7 +62,7 @@ class InTime(CompiledSteering):
         """
         d = problem.dynamics
         R = problem.control_cost(np.zeros(d.n))
-        if isinstance(d, SingleIntegrator) and np.allclose(R, R[0, 0] * np.eye(len(R))):
+        if d.control_kind == "velocity" and np.allclose(R, R[0, 0] * np.eye(len(R))):
             return cls(q=problem.least_rate, r=float(R[0, 0]), speed=speed)
         lines = Tracked.of(problem, pace)
         q = 0.5 * lines.cost_per_meter * lines.pace
