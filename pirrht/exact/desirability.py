@@ -240,7 +240,7 @@ class Optimal(Policy):
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
-        now, world = self.run.time, self.path_integral.setup.world
+        now, world = self.run.clock.time, self.path_integral.setup.world
         gap = self.desirability.gap
 
         def optimal(state: Array, since: float = 0.0) -> Array:
@@ -256,5 +256,5 @@ class Optimal(Policy):
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
             instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(value), space=self.space,
-            movers=self.run.movers,
+            movers=self.run.route.movers,
         )  # fmt: skip

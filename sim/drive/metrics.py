@@ -22,7 +22,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Policy, RunState
+from pirrht.control.policy import Policy
+from pirrht.control.run_state import RunState
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.exact.desirability import Desirability

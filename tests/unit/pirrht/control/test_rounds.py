@@ -28,7 +28,7 @@ def first_plan(monkeypatch, last: int | None = None) -> tuple[Batch, Estimate, l
     batch, estimate = made.proposals.estimate(draft, 7, made.run, TimeBudget())
     monkeypatch.undo()
     assert estimate is not None
-    assert made.run.memory.fits
+    assert made.run.starts.fits
     return batch, estimate, numbers
 
 

@@ -64,7 +64,7 @@ def test_past_corners_a_guide_drives_at_the_best_speed():
     """Without other paces one of the two classes is up to 5 % slower."""
     one = made(BOX, BEHIND)
     cheapest(one, START)
-    guides = [optima[0] for optima in one.run.memory.optima.values()]
+    guides = [optima[0] for optima in one.run.starts.optima.values()]
     assert len(guides) == 2
     for guide in guides:
         speeds = np.hypot(*guide.modes[: guide.length].T) / asked(one)
