@@ -12,11 +12,8 @@ With --part car truth is a million samples, see `calibration_car`; with --part m
 """
 
 import argparse
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from importlib import import_module
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +21,8 @@ import numpy as np
 from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER, summaries, text_of, truth_errors, truth_text
 from benchmarks.first_plan import first_plan
+from benchmarks.pool import spread
 from benchmarks.scenes import places_of, scenario_of
-from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
@@ -103,28 +100,12 @@ def jobs(options: argparse.Namespace) -> list[Job]:
 
 def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
     """One record per state and noise."""
-    todo, found = jobs(options), []
-    with tqdm(total=len(todo) * len(todo[0].noises), desc="scenes x noises", leave=False, disable=None) as bar:
-        if options.workers > 1:
-            with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
-                for records in pool.map(_all, todo):
-                    found += records
-                    bar.update(len(todo[0].noises))
-            return found
-        for job in todo:
-            for records in looked_at(job):
-                found += records
-                bar.update()
-    return found
+    return [record for records in spread(looked_at, jobs(options), options.workers, "scenes") for record in records]
 
 
-def _all(job: Job) -> list[dict[str, Any]]:
-    return [record for records in looked_at(job) for record in records]
-
-
-def looked_at(job: Job) -> Iterator[list[dict[str, Any]]]:
+def looked_at(job: Job) -> list[dict[str, Any]]:
     """Records of a scene's states, noise by noise; the tree is grown once."""
-    quiet = job.scenario()
+    found, quiet = list[dict[str, Any]](), job.scenario()
     tree = quiet.grown_tree()
     points = job.places(quiet.space)
     for noise in job.noises:
@@ -136,7 +117,8 @@ def looked_at(job: Job) -> Iterator[list[dict[str, Any]]]:
         records = [_record(scenario, truth, controller, x, job) for x in points]
         if job.check:
             _hold_against_finer(scenario, truth, points, records)
-        yield records
+        found += records
+    return found
 
 
 def _record(scenario: Scenario, truth: Desirability, controller: Controller, x: Array, job: Job) -> dict[str, Any]:

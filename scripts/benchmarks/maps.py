@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.plots import COLORS
+from benchmarks.plots import COLORS, plain
 from PIL import Image
 from scipy import ndimage
 
@@ -71,10 +71,7 @@ def plot(path: Path, values: list[dict[str, Any]]) -> None:
     axes.loglog(ends, 1.5 * last * ends / ends[-1], color="#333333", lw=0.8, ls=":", label="in proportion to pixels")
     axes.set_xticks([side**2 for side in SIDES], [f"{side}²" for side in SIDES], minor=False)
     axes.set_xticks([], minor=True)
-    axes.set_xlabel("pixels")
-    axes.set_ylabel("processor time [s]")
-    axes.grid(alpha=0.25, which="both")
-    axes.spines[["top", "right"]].set_visible(False)
+    plain(axes, which="both", xlabel="pixels", ylabel="processor time [s]")
     axes.legend(fontsize=8, frameon=False)
     figure.savefig(path, dpi=120)
     plt.close(figure)

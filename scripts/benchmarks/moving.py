@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.moving_scene import moving_scenario
-from benchmarks.timing import interleaved, row, ticks
+from benchmarks.timing import interleaved, planning, row, ticks
 
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
@@ -45,7 +45,7 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
         for name, (taken, rate) in known.items():
             over = known["one guide, none" if "guide" in name else "none"][1] / rate  # the same without bodies
             table.append(row(f"rollouts, {steps} steps, {name}", taken, over, rate=f"{rate / 1e6:.2f} M steps/s"))
-    seconds = planning(scenarios[0])
+    seconds = planning(scenarios[0], REPEATS)
     table.append(row(f"planning {VERTICES} vertices", seconds))
     spent, classes = control_steps(scenarios, options.drive)
     for name, times in spent.items():
@@ -92,16 +92,6 @@ def plan_batch(scenario: Scenario) -> tuple[Batch, PathIntegral]:
     assert controller.tree is not None
     references = controller.tree.references(controller.tree.at(scenario.start, 0.0))
     return controller.batch(scenario.start, references), controller.path_integral
-
-
-def planning(scenario: Scenario) -> float:
-    """Median processor time to grow a tree of VERTICES [s]."""
-    spent = []
-    for seed in range(REPEATS):
-        began = time.process_time()
-        scenario.with_settings(seed=seed).grown_tree()
-        spent.append(time.process_time() - began)
-    return float(np.median(spent))
 
 
 def control_steps(scenarios: list[Scenario], seconds: float) -> tuple[dict[str, list[float]], float]:

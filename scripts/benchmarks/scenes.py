@@ -8,7 +8,7 @@ apart in closed form, and scenes be judged before anything is loaded.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,10 @@ import numpy as np
 from scipy.ndimage import label
 
 from pirrht.arrays import Array, BoolArray
+from pirrht.errors import NoReference
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
+from pirrht.planner.tree import HomologyTree
 from sim.mjcf import load
 from sim.mjcf.robot import read_robot
 from sim.scenario import Scenario, prepare
@@ -184,6 +186,20 @@ def places_of(space: FreeSpace, count: int, seed: int, near_goal: float | None) 
     if near_goal is None:
         return random_states(space, count, seed)
     return states_near_goal(space, count, seed, near_goal)
+
+
+def with_references(tree: HomologyTree, states: Iterable[Array], count: int) -> list[Array]:
+    """The first states (n,) from which there is a way, `count` at most."""
+    found = list[Array]()
+    for x in states:
+        try:
+            tree.references(x)
+        except NoReference:
+            continue
+        found.append(x)
+        if len(found) == count:
+            break
+    return found
 
 
 def _cell(space: FreeSpace, x: Array) -> tuple[int, ...]:
