@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 from benchmarks.calibration_table import by_noise_and_scene
-from benchmarks.first_plan import first_plan
+from benchmarks.first_plan import controller_of, first_plan
 from benchmarks.scenes import random_states, scenario_of, with_references
 from tqdm import tqdm
 
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
 from pirrht.errors import SceneError
 from pirrht.planner.tree import HomologyTree
 from sim.scenario import Scenario
@@ -73,8 +72,7 @@ def _states(scenario: Scenario, tree: HomologyTree, count: int, seed: int) -> li
 def _record(scenario: Scenario, tree: HomologyTree, x: Array, plans: int) -> dict[str, Any]:
     """What plans say at x (3,), and what a million samples say with fine steps and with default ones."""
     fine, coarse = (_many(scenario.with_settings(dt=dt), tree, x) for dt in (FINE, scenario.settings.dt))
-    controller = scenario.controller(tree)
-    assert isinstance(controller, Controller)
+    controller = controller_of(scenario, tree)
     made = [first_plan(controller, x) for _ in range(plans)]
     said = [plan for plan in made if plan is not None]
     return {"x": x.tolist(), "fine": fine, "coarse": coarse, "plans": said, "without": plans - len(said)}
@@ -83,8 +81,7 @@ def _record(scenario: Scenario, tree: HomologyTree, x: Array, plans: int) -> dic
 def _many(scenario: Scenario, tree: HomologyTree, x: Array) -> dict[str, float]:
     """v of a million samples at x (3,) in parts, its standard error by their scatter, and effective samples."""
     H = max(1, len(tree.references(x)))
-    controller = scenario.with_settings(samples=max(1, MANY // (PARTS * H))).controller(tree)
-    assert isinstance(controller, Controller)
+    controller = controller_of(scenario.with_settings(samples=max(1, MANY // (PARTS * H))), tree)
     logs, ess, lam = [], 0.0, scenario.problem.temperature
     for _ in range(PARTS):
         controller.begin(x)

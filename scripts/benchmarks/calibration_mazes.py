@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from benchmarks.first_plan import controller_of
 from benchmarks.moving_text import prepared
 from benchmarks.scenes import SIDE, places_of
 from tqdm import tqdm
 
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
 from pirrht.estimation.estimate import Estimate
 from pirrht.exact.desirability import Desirability
 from sim.cli.tables import doubts
@@ -149,8 +149,7 @@ def records(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
 
 def record(scenario: Scenario, truth: Desirability, tree: Any, x: Array) -> dict[str, Any]:
     """What one plan says at x (2,), and what is true there."""
-    controller = scenario.controller(tree)
-    assert isinstance(controller, Controller)
+    controller = controller_of(scenario, tree)
     controller.begin(x)
     plan = controller.plan(x)
     e: Estimate | None = plan.estimate

@@ -21,7 +21,7 @@ from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
 from benchmarks.contested import CANDIDATES, apart, contested, in_errors, mean_of, pooled_of
-from benchmarks.first_plan import first_plan
+from benchmarks.first_plan import controller_of, first_plan
 from benchmarks.oblique_scene import oblique_scenario
 from benchmarks.pool import spread
 from benchmarks.scenes import places_of, random_states
@@ -115,8 +115,7 @@ def looked_at(job: Job) -> tuple[Records, Records]:
     given = {"seed": job.seed, "threads": job.threads, "noise": job.noise}
     scenario = _scenario(job.scene, given)
     truth = Desirability.of(scenario.problem, scenario.space)
-    controller = scenario.controller(scenario.grown_tree())
-    assert isinstance(controller, Controller)
+    controller = controller_of(scenario, scenario.grown_tree())
     controller.path_integral.warm_up()
     asked = states_and_times(scenario, job)
     found = [_record(scenario, truth, controller, x, t, job) for x, t in asked]

@@ -11,12 +11,13 @@ within its clearance. With --part line truth is an exact grid, see `mass_line`.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
-from benchmarks.first_plan import first_plan
+from benchmarks.first_plan import controller_of, first_plan
 from benchmarks.scenes import random_states, scenario_of, with_references
 from tqdm import tqdm
 
@@ -66,29 +67,28 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
 
 def records(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """One record per state."""
-    count, seed = options.states or STATES, options.first_seed
-    with tqdm(total=count, desc="states", leave=False, disable=None) as bar:
+    left, seed = options.states or STATES, options.first_seed
+    with tqdm(total=left, desc="states", leave=False, disable=None) as bar:
         for scenario in scenarios(seed, options.noises, options.robot or "hover"):
-            controller = scenario.controller(scenario.grown_tree())
-            assert isinstance(controller, Controller)
-            for x in states_in(scenario, controller, min(EACH, count), seed):
+            controller = controller_of(scenario, scenario.grown_tree())
+            for x in states_in(scenario, controller, min(EACH, left), seed):
                 yield record(scenario, controller, x, options.samples or SAMPLES, options.plans or PLANS)
                 bar.update()
-                count -= 1
-            if count <= 0:
+                left -= 1
+            if left <= 0:
                 return
 
 
 def scenarios(seed: int, noises: list[float] | None = None, robot: str = "hover") -> Iterator[Scenario]:
     """`slit` and then random scenes, for a robot under default settings or with the noises [m/s/sqrt(s)] in turn."""
-    given: dict[str, Any] = {"seed": seed}
-    made: Callable[[], Scenario] = lambda: prepare("slit", robot=robot, given=given)  # noqa: E731
-    k = 0
-    while True:
-        scenario = made()
+    for k in count():
+        number = seed + k - 1
+        scenario = (
+            prepare("slit", robot=robot, given={"seed": seed})
+            if k == 0
+            else scenario_of(number, {"seed": number}, robot=robot)
+        )
         yield scenario if not noises else scenario.with_settings(noise=noises[k % len(noises)])
-        made = lambda number=seed + k: scenario_of(number, {**given, "seed": number}, robot=robot)  # noqa: E731
-        k += 1
 
 
 def states_in(scenario: Scenario, controller: Controller, count: int, seed: int) -> list[Array]:
@@ -115,7 +115,7 @@ def record(scenario: Scenario, controller: Controller, x: Array, samples: int, p
     v = -lam * truth.log_psi
     out: dict[str, Any] = {
         "scene": scenario.loaded.scene.name, "x": x.tolist(), "noise": scenario.settings.noise,
-        "clearance": scenario.space.clearance(x), "speed": _speed(scenario, x),
+        "clearance": scenario.space.clearance(x), "speed": float(np.hypot(*scenario.problem.dynamics.f(x)[:2])),
         "classes": len(batches["tapes"].proposals), "v": v, "v_error": lam * truth.error,
         "claims_enough": all(said[kind].ess >= 100.0 for kind in KINDS),
     }  # fmt: skip
@@ -129,11 +129,6 @@ def record(scenario: Scenario, controller: Controller, x: Array, samples: int, p
     claimed = np.array([plan["v_error"] for plan in made] or [np.nan]) / v
     rms, claim = (float(np.sqrt(np.mean(np.square(some)))) for some in (off, claimed))
     return out | {"plans": {"bias": float(np.mean(off)), "rms": rms, "claimed": claim, "without": plans - len(made)}}
-
-
-def _speed(scenario: Scenario, x: Array) -> float:
-    """How fast x (n,) moves without control [m/s]."""
-    return float(np.hypot(*scenario.problem.dynamics.f(x)[:2]))
 
 
 def batches_at(controller: Controller, x: Array) -> dict[str, Batch]:

@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from benchmarks.first_plan import first_batch
 from benchmarks.timing import interleaved, planning, row
 
-from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.planner.references import Reference
 from pirrht.proposals.proposal import Batch, Proposal, Tape
@@ -54,7 +54,7 @@ def control_steps(scenario: Scenario, seconds: float) -> tuple[list[float], floa
 
 def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Median time [s] and steps per second of rollouts that are led and of those that hold tapes, on all threads."""
-    integral, guided, references, holds = _plan(scenario)
+    integral, guided, references, holds = first_batch(scenario)
     one = min(len(guided.proposals), 1)
     batches: dict[str, Batch] = {
         f"{len(references)} guides": guided.counting([MANY // len(references)] * len(references)),
@@ -68,21 +68,11 @@ def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
 
 def ends_of_steps(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """The same of the paper's rule of exits under one tape; empty where references are no tapes."""
-    integral, guided, references, holds = _plan(scenario.with_settings(exit="endpoint"), 1)
+    integral, guided, references, holds = first_batch(scenario.with_settings(exit="endpoint"), 1)
     if not holds:
         return {}
     batch = replace(guided, proposals=_tapes(guided, references))
     return _timed(integral, {"one tape, exits at ends of steps": batch})
-
-
-def _plan(scenario: Scenario, most: int | None = None) -> tuple[PathIntegral, Batch, Sequence[Reference], bool]:
-    """The sampler and batch of a plan at the start, its first references, and whether these hold tapes."""
-    controller = scenario.controller(scenario.grown_tree())
-    assert isinstance(controller, Controller)
-    assert controller.tree is not None
-    references = controller.tree.references(scenario.start)[:most]
-    batch = controller.batch(scenario.start, references)
-    return controller.path_integral, batch, references, controller.tree.steering.drives
 
 
 def _tapes(guided: Batch, references: Sequence[Reference]) -> tuple[Proposal, ...]:
