@@ -5,7 +5,6 @@ import signal
 import pytest
 from hypothesis import settings
 
-from pirrht.planner.tree import HomologyTree
 from sim.cli import plan_command
 from sim.scenario import Scenario, prepare
 
@@ -47,6 +46,6 @@ def slit() -> Scenario:
 
 
 @pytest.fixture(scope="session")
-def slit_tree(slit: Scenario) -> HomologyTree:
+def slit_tree(slit: Scenario):
     """A tree of 1000 vertices in it; tests ask, and do not grow it."""
     return slit.grown_tree()

@@ -6,7 +6,6 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,7 +41,7 @@ PYTHON = {"string": str, "number": (int, float), "integer": int, "list": list, "
 
 
 @pytest.fixture
-def figures(tmp_path: Path) -> Run:
+def figures(tmp_path) -> Run:
     """Run a command that succeeds or whose run fails; its exit status and its JSON."""
     file = tmp_path / "figures.json"
     return lambda *words: (main([*words, "--json", str(file)]), json.loads(file.read_text()))
@@ -95,7 +94,7 @@ def test_plan_reports_open_passages_that_no_path_leads_through(figures, capsys):
 
 
 @pytest.mark.parametrize("scene", ["slit", "crossing"])
-def test_plan_reports_the_lengths_per_class_while_the_tree_grew(figures, tmp_path: Path, scene: str):
+def test_plan_reports_the_lengths_per_class_while_the_tree_grew(figures, tmp_path, scene: str):
     picture = tmp_path / "lengths.png"
     _, found = figures("plan", scene, "--vertices", "200", "--convergence", str(picture))
     assert picture.read_bytes().startswith(b"\x89PNG")

@@ -2,7 +2,6 @@
 
 import json
 from collections import Counter
-from pathlib import Path
 
 import pytest
 from mjcf_samples import WALL
@@ -16,7 +15,7 @@ from sim.sweeps.parts import RESULTS, key_of
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 
 
-def rows(folder: Path) -> list[dict]:
+def rows(folder) -> list[dict]:
     """Everything but timings, in the order of the keys."""
     found = [{name: record.get(name) for name in RESULTS} for record in Dataset(folder).records()]
     return sorted(found, key=lambda row: repr(key_of(row)))

@@ -1,7 +1,6 @@
 """Wrong input costs one line that names culprit and remedy, and loses nothing."""
 
 import re
-from pathlib import Path
 
 import pytest
 from mjcf_samples import FLOOR, SITES, START, mjcf
@@ -124,7 +123,7 @@ HOSTILE = [  # numbers that no check of an option refuses
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch: pytest.MonkeyPatch):
     """A working folder with files that are wrong in every way, and a good result of an earlier run."""
     for name, content in FILES.items():
         (tmp_path / name).write_text(content)

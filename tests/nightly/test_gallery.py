@@ -9,8 +9,7 @@ import pytest
 from repository import ROOT
 from thoroughly import thorough
 
-from pirrht.errors import OptionError
-from pirrht.outcome import Outcome
+from pirrht import OptionError, Outcome
 from sim.film import Film
 from sim.mjcf import load, models_folder
 from sim.recording.export import read

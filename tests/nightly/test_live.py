@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -35,7 +34,7 @@ def drive(*options: str, **popen) -> subprocess.Popen:
     )
 
 
-def family(pid: int) -> Iterator[int]:
+def family(pid: int):
     """A process and its descendants."""
     yield pid
     for task in Path(f"/proc/{pid}/task").glob("*/children"):

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -40,7 +39,7 @@ def written(folder: Path) -> int:
 
 
 @contextmanager
-def started(*words: str, program: Sequence[str] = ("-m", "sim.cli")) -> Iterator[subprocess.Popen[str]]:
+def started(*words: str, program=("-m", "sim.cli")):
     """A sweep as a process of its own, which does not outlive the test."""
     process = subprocess.Popen(
         [sys.executable, *program, "sweep", *words], stderr=subprocess.PIPE, stdout=subprocess.PIPE,

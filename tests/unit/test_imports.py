@@ -4,7 +4,6 @@ import ast
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from repository import ROOT, environment
@@ -16,7 +15,7 @@ SLOW = {"rerun", "matplotlib", "pyarrow", "numba", "mujoco", "scipy", "distribut
 HELPED = ("", "plan", "run", "play", "estimate", "sweep", "report", "export", "import")
 
 
-def modules(package: str) -> list[Path]:
+def modules(package: str):
     return sorted((ROOT / package).rglob("*.py"))
 
 

@@ -5,8 +5,7 @@ import pytest
 from doors import door
 from tug import Tug
 
-from pirrht.errors import OptionError
-from pirrht.outcome import Outcome
+from pirrht import OptionError, Outcome
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim import systems

@@ -13,9 +13,7 @@ import pytest
 from scipy.spatial import KDTree
 
 import pirrht
-from pirrht.control.plan import Plan
-from pirrht.errors import OptionError
-from pirrht.geometry.scene import Kind, Obstacle
+from pirrht import Kind, Obstacle, OptionError
 from pirrht.plotting.strokes import outline, side_by_side
 from pirrht.traits import Traits
 from sim.scenario import Scenario, prepare
@@ -26,7 +24,7 @@ STROKE = 0.04  # width of the path of a class on a map of the house [m]
 
 
 @pytest.fixture(scope="module")
-def plan(slit: Scenario, slit_tree) -> Plan:
+def plan(slit: Scenario, slit_tree):
     return slit.driver(slit_tree).plan(slit.start)
 
 

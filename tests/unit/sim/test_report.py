@@ -6,7 +6,6 @@ import sys
 from html.parser import HTMLParser
 from itertools import product
 from math import comb
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ def record(method: str, seed: int, outcome: str | None = "goal", cost: float = 8
     return sweep_samples.record(seed, **known | changes)
 
 
-def stored(folder: Path, records: list[dict], asked: dict = ASKED) -> Dataset:
+def stored(folder, records: list[dict], asked: dict = ASKED) -> Dataset:
     dataset = Dataset(folder)
     dataset.begin(SETTINGS, dict.fromkeys(asked["noise"], "01"), asked)
     for one in records:
@@ -39,7 +38,7 @@ def stored(folder: Path, records: list[dict], asked: dict = ASKED) -> Dataset:
 
 
 @pytest.fixture
-def dataset(tmp_path: Path) -> Dataset:
+def dataset(tmp_path) -> Dataset:
     """40 seeds: passive fails where the seed is no multiple of 4; pi-rrht costs a tenth more than the optimum."""
     records = []
     for seed in range(40):

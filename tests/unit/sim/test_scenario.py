@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pirrht.errors import NoReference, OptionError
-from pirrht.planner.tree import HomologyTree
+from pirrht import HomologyTree, NoReference, OptionError
 from pirrht.planner.tuning import LIMITS
 from sim import tree_file
 from sim.drive import episode

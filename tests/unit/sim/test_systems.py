@@ -1,7 +1,6 @@
 """Systems are records in a registry: robots name them, and somebody's own comes by module and name."""
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +8,8 @@ from mjcf_samples import ROBOT, refusal, robot_mjcf
 from numba import njit
 from thoroughly import first
 
-from pirrht import SingleIntegrator, StraightLine
+from pirrht import OptionError, SingleIntegrator, StraightLine
 from pirrht.control.cost_to_go import straight_lines
-from pirrht.errors import OptionError
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim import systems
 from sim.cli import main
@@ -85,7 +83,7 @@ def raft(**changes: object) -> System:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch: pytest.MonkeyPatch):
     """A working folder with modules in it; what is registered and imported is forgotten afterwards."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(systems, "_known", dict(systems._known))

@@ -1,14 +1,12 @@
 """A mesh becomes a scene of its convex parts."""
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from pirrht.errors import OptionError, SceneError
-from pirrht.freespace import FreeSpace
+from pirrht import FreeSpace, OptionError, SceneError
 from sim.importing import meshes
 from sim.importing.scene_file import import_world
 from sim.mjcf import load
@@ -18,7 +16,7 @@ WALLS = [[(0, 0, 0), (4, 0.2, 1)], [(0, 0.3, 0), (0.2, 4, 1)]]
 
 
 @pytest.fixture
-def ring(tmp_path: Path) -> Path:
+def ring(tmp_path):
     """A torus so large that planes of its own faces do not cut it into a hundred convex parts."""
     trimesh.creation.torus(100.0, 3.0, major_sections=200, minor_sections=6).export(tmp_path / "ring.obj")
     return tmp_path / "ring.obj"

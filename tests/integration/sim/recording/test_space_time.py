@@ -7,12 +7,10 @@ import pytest
 from drives import Moving, columns, timed
 from plants import body, moving_scene, rows
 
-from pirrht.arrays import Array
 from pirrht.plotting.colors import ClassColors
 from pirrht.plotting.strokes import outline
 from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.strokes import timed as in_time
-from sim.drive.episode import Frame
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import reasons, words_of
 from sim.recording.subject import Subject
@@ -35,7 +33,7 @@ def recorded(tmp_path_factory):
     return columns(file), drive, frames
 
 
-def pictures(known: dict[str, list], frames: list) -> list[tuple[Frame, list[Array]]]:
+def pictures(known: dict[str, list], frames: list):
     """The strips of an entity, with the frame of each picture."""
     cells = zip(known["step"], known["LineStrips3D:strips"], strict=True)
     return [(frames[step], [np.array(strip, dtype=float) for strip in strips]) for step, strips in cells]

@@ -7,8 +7,7 @@ import pytest
 from drives import Drive, columns, timed
 from rerun.chunk import RrdReader
 
-from pirrht.exact.desirability import Desirability
-from pirrht.outcome import Outcome
+from pirrht import Desirability, Outcome
 from sim.cli import main
 from sim.recording.stage import CONTROL, OPTIMUM
 from sim.recording.writer import AHEAD

@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pirrht import Controller
-from pirrht.estimation.sampler import PathIntegral
+from pirrht import Controller, PathIntegral
 from pirrht.estimation.sampling import TUNING
 from pirrht.estimation.weights import shrinkage
 from pirrht.proposals.proposal import Batch

@@ -2,7 +2,6 @@
 
 import math
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +13,20 @@ from discs import disc, scene_of
 from moving import crossing
 from thoroughly import first
 
-from pirrht import Desirability, FreeSpace, Obstacle, PirrhtError, Problem, Sampling, Scene, Unicycle, path_integral
+from pirrht import (
+    Desirability,
+    FreeSpace,
+    Obstacle,
+    PirrhtError,
+    Problem,
+    Sampling,
+    Scene,
+    SingleIntegrator,
+    Unicycle,
+    path_integral,
+)
 from pirrht.exact.boundaries import moving_domain
 from pirrht.exact.grid import Settling, frame_at
-from pirrht.systems.single_integrator import SingleIntegrator
 
 START = np.array([1.0, 2.5])
 
@@ -30,7 +39,7 @@ def post(x: float, y: float, radius: float) -> Obstacle:
     return disc(f"post {x:g}", x, y, radius)
 
 
-def solved(scene: Scene, b: float, phi: float = np.inf, **options: Any) -> Desirability:
+def solved(scene: Scene, b: float, phi: float = np.inf, **options) -> Desirability:
     problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi)
     return Desirability.of(problem, FreeSpace.of(scene), **options)
 

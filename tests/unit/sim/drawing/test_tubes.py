@@ -7,8 +7,6 @@ import pytest
 from discs import block
 from moving import moved, oblique
 
-from pirrht.arrays import Array
-from pirrht.geometry.obstacle import Mover
 from pirrht.moving.collision import radius_of
 from pirrht.plotting.strokes import outline
 from pirrht.plotting.tuning import TUNING as PLOTTING
@@ -18,7 +16,7 @@ PATROL = moved("patrol", [(0, 1, 1, 0), (1, 3, 1, 2), (1.5, 3, 2, 2)], block("b"
 BODIES = [*oblique().movers, PATROL, replace(PATROL, motion=PATROL.motion.after(0.7))]
 
 
-def gap(ring: Array, true: Array) -> float:
+def gap(ring: np.ndarray, true: np.ndarray) -> float:
     """How far corners of a true outline are from a drawn one at most [m]."""
     ends = np.roll(ring, -1, axis=0)
     side = ends - ring
@@ -27,7 +25,7 @@ def gap(ring: Array, true: Array) -> float:
 
 
 @pytest.mark.parametrize("mover", BODIES)
-def test_a_tube_is_where_its_body_is_at_every_time(mover: Mover):
+def test_a_tube_is_where_its_body_is_at_every_time(mover):
     found = tubes(mover, 0.3, 7.0)
     assert found[0].times[0] == 0.3
     assert found[-1].times[-1] == 7.0

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from itertools import permutations
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ def test_ways_are_named_by_the_sides_on_which_they_pass():
     }
 
 
-def random_classes(rng: np.random.Generator, static: int, moving: int) -> tuple[list[Any], Homology]:
+def random_classes(rng: np.random.Generator, static: int, moving: int):
     """Paths of different classes among random obstacles, some of which stand or share a name, and their homology."""
     markers, goal = rng.uniform(0.0, 6.0, (static, 2)), rng.uniform(5.0, 6.0, 2)
     movers = []

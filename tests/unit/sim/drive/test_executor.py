@@ -1,26 +1,19 @@
 """The plant: MuJoCo is the stochastic equation up to contacts, and runs are judged and paid for alike."""
 
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 from plants import QUIET, STEP, WALL, both, driven, hold, problem_of, scene_file, states_of
 
-from pirrht.arrays import Array
-from pirrht.errors import OptionError
-from pirrht.outcome import Outcome
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.systems.unicycle import Unicycle
+from pirrht import OptionError, Outcome, SingleIntegrator, Unicycle
 from sim.drive.executor import ClearanceChecker, Executor, Plant
 from sim.drive.metrics import EpisodeMetrics
 from sim.mjcf import load
 from sim.scenario import prepare
 
 
-def pair(
-    folder: Path, robot: str, b: float, option: str = "", world: str = "", steps: int = 10
-) -> tuple[Executor, Plant]:
+def pair(folder, robot: str, b: float, option: str = "", world: str = "", steps: int = 10) -> tuple[Executor, Plant]:
     loaded = load(scene_file(folder, option=option, world=world), robot=robot)
     dynamics = SingleIntegrator(b=b) if robot == "puck" else Unicycle(V=0.8, rho=0.7, b=b)
     return both(loaded, problem_of(loaded, dynamics), steps * float(loaded.model.opt.timestep))
@@ -33,7 +26,7 @@ def test_mujoco_follows_the_sde(tmp_path, robot, timestep, b):
     option = f'<option timestep="{timestep}" integrator="implicitfast" density="1000" gravity="0 0 -9.81"/>'
     m = 2 if robot == "puck" else 1
 
-    def wander(x: Array, s: float) -> Array:
+    def wander(x: np.ndarray, s: float) -> np.ndarray:
         return np.array([np.cos(3 * x[0]) + s, np.sin(2 * x[1]) - s])[:m]
 
     mujoco, sde = (driven(plant, wander, 7, 20) for plant in pair(tmp_path, robot, b, option))
@@ -174,7 +167,7 @@ def test_what_is_between_two_free_places_blocks_and_what_is_next_to_them_does_no
     assert checker.blocked(np.array([-1.0, y]), np.array([1.0, y])) is blocked
 
 
-def drive_right(folder: Path, x: float, goal: tuple[float, float, float], *, world: str = "", speed: float = 1.0):
+def drive_right(folder, x: float, goal: tuple[float, float, float], *, world: str = "", speed: float = 1.0):
     loaded = load(scene_file(folder, world=world, size=2.0, goal="1.8 0 0"), start=(x, 0), goal=goal)
     plant = Executor(loaded, problem_of(loaded, SingleIntegrator(b=QUIET)), period=0.1)
     return plant.advance(hold(speed, 0.0), np.random.default_rng(0))

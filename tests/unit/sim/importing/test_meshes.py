@@ -5,7 +5,6 @@ COLLADA files give the triangles that Gazebo draws: units and nodes count, the u
 
 import sys
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -213,7 +212,7 @@ def document(primitive: str = QUADS, nodes: str = "", unit: str = "1", corners: 
     return DOCUMENT.format(unit=unit, geometries=geometries, scene=SCENE.format(nodes) if nodes else "")
 
 
-def read(tmp_path: Path, text: str) -> np.ndarray:
+def read(tmp_path, text: str) -> np.ndarray:
     (tmp_path / "a.dae").write_text(text)
     return read_collada(tmp_path / "a.dae")
 

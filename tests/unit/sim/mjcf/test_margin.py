@@ -6,10 +6,8 @@ import pytest
 from mjcf_samples import refusal, robot_mjcf
 from plants import QUIET, WALL, scene_file
 
+from pirrht import Outcome, Problem, SingleIntegrator
 from pirrht.geometry.collision import Collision
-from pirrht.outcome import Outcome
-from pirrht.problem import Problem
-from pirrht.systems.single_integrator import SingleIntegrator
 from sim.drive.executor import Executor
 from sim.mjcf import Loaded, load, robot_names
 from sim.scenario import prepare

@@ -1,7 +1,6 @@
 """Bodies in a recording: what is drawn only changes no motion, a script makes the meshes, nothing is at the origin."""
 
 import runpy
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -18,7 +17,7 @@ DRAWN = ["unicycle", "car", "rover", "diffdrive", "puck", "hover"]
 MESHES = models_folder() / "robots" / "meshes"
 
 
-def bare(path: Path) -> mujoco.MjSpec:
+def bare(path) -> mujoco.MjSpec:
     """A robot without what is drawn only."""
     spec = mujoco.MjSpec.from_file(str(path))
     for geom in [g for g in spec.geoms if g.classname.name != "main" and not (g.contype or g.conaffinity)]:

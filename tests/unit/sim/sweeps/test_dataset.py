@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,7 +37,7 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def dataset(tmp_path: Path, clock: Clock) -> Dataset:
+def dataset(tmp_path, clock: Clock) -> Dataset:
     known = Dataset(tmp_path / "sweep", clock)
     known.begin(SETTINGS, SCENES, ASKED)
     return known
