@@ -133,16 +133,12 @@ def folder(tmp_path, monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize(("typed", "culprit", "remedy"), WRONG, ids=[words[0] or "nothing" for words in WRONG])
-def test_wrong_input_costs_one_line_that_names_culprit_and_remedy(folder, capsys, typed, culprit, remedy):
+def test_wrong_input_costs_one_line_that_names_culprit_and_remedy(folder, refused, typed, culprit, remedy):
     words = typed.split()
     if words and words[0] in ("plan", "run", "estimate", "sweep") and "--json" not in words:
         words += ["--json", "good.json"]
     before = sorted(folder.iterdir())
-    assert main(words) == 2
-    error = capsys.readouterr().err
-    assert re.fullmatch("pirrht: .*\n", error)
-    assert culprit in error
-    assert remedy in error
+    refused(words, culprit, remedy, quiet=False)
     assert (folder / "good.json").read_text() == '{"kept": true}\n'
     assert sorted(folder.iterdir()) == before
 

@@ -218,5 +218,4 @@ def test_another_process_compiles_what_a_plan_samples_before_what_it_rests_on(na
     monkeypatch.setattr(ProposalFactory, "climbing", ascent)
     monkeypatch.setattr(rehearsal, "rehearse", lambda *_, **__: made.append("tree"))
     rehearsal.compile_last(name, {})
-    assert made[0] == "ascent"
-    assert made[-1] == "tree"
+    assert (made[0], made[-1]) == ("ascent", "tree")

@@ -100,5 +100,4 @@ def test_compiling_is_interrupted_before_and_after_llvm_but_not_within(heard: li
         assert njit(lambda x: x + 1)(np.int64(1)) == 2
     finally:
         event.unregister("numba:run_pass", listener)
-    assert heard[0] == first
-    assert heard[-1] == "heeded"
+    assert (heard[0], heard[-1]) == (first, "heeded")

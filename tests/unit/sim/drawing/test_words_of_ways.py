@@ -100,8 +100,7 @@ def test_one_class_alone_is_described_by_the_moving_obstacles():
 
 def test_without_obstacles_or_classes_there_is_nothing_to_say():
     found, homology = random_classes(np.random.default_rng(3), 0, 0)
-    assert passing(found, homology, ()) == [[]]
-    assert passing([], homology, ()) == []
+    assert (passing(found, homology, ()), passing([], homology, ())) == ([[]], [])
 
 
 def test_equal_names_and_names_that_look_numbered_stay_apart():

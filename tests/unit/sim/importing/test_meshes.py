@@ -146,9 +146,7 @@ def test_meshes_too_intricate_are_hulls_that_are_reported(tmp_path):
 def test_a_box_is_found_from_its_corners_in_any_order(sizes, turn, order):
     rotation = Rotation.from_euler("xyz", turn).as_matrix()
     local = np.array(list(product((-1.0, 1.0), repeat=3)))[order] * sizes
-    found = as_box(local @ rotation.T + [3, 2, 1])
-    assert found is not None
-    pose, half = found
+    pose, half = as_box(local @ rotation.T + [3, 2, 1])
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
     again = np.array(list(product((-1.0, 1.0), repeat=3))) * half @ pose[:3, :3].T + pose[:3, 3]
     gaps = np.linalg.norm(again[:, None] - (local @ rotation.T + [3, 2, 1]), axis=2)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from drives import Drive
+from drives import Drive, logged
 from repository import ROOT
 from rerun.chunk import RrdReader
 
@@ -67,9 +67,7 @@ def test_geoms_of_a_body_are_in_its_own_frame():
 
 def test_whoever_reads_a_recording_from_its_beginning_never_sees_the_robot_at_the_origin(tmp_path):
     drive, file = Drive(), tmp_path / "a.rrd"
-    with drive.recorder(file) as recorder:
-        for frame in drive.frames(0.02):
-            recorder.log(frame)
+    logged(drive.recorder(file), drive.frames(0.02))
     order = [
         chunk.entity_path
         for chunk in RrdReader(str(file)).stream()
