@@ -60,55 +60,67 @@ class ProposalBuilder:
 
     def draft(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Draft:
         """Return what a plan at x (n,) samples around references, or passive dynamics if there is none."""
-        integral, starts, samples = self.integral, run.starts, self.integral.sampling.samples
-        trajectories, guidance = [reference.trajectory for reference in references], self.integral.guidance
-        times = integral.grid(least_cost(integral.problem, x, trajectories))
+        integral, starts = self.integral, run.starts
+        times = integral.grid(least_cost(integral.problem, x, [one.trajectory for one in references]))
         classes = from_start(run, references)
         driven, homology = run.route.path.winding(), run.route.homology
         others = {homology.key(integers(np.subtract(one, driven))): homology.name(one) for one in starts.paths}
         if not references:
-            still = Proposal(lead=Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m))), count=samples)
-            return Draft(batch=Batch(state=x, times=times, proposals=(still,), time=run.now, others=others))
-        allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
-        names = [*map(homology.name, classes)]
-        keys = [homology.key(one.winding) for one in references]
-        controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
-        predicted = [one.promise for one in controls]
-        worth = [one.follows for one in controls]
-        counts = [samples] * len(classes)
-
-        def followed(guide: DDPGuide) -> ProposalControl:
-            """Follow a guide with its feedback, or its nominal controls, the last of which leads on into the goal."""
-            if guidance is not None:
-                return LinearFeedback(guide)
-            nominal, end = guide.tape, guide.length
-            nominal[end : end + TUNING.onward] = nominal[end - 1]
-            return Tape(times, nominal)
-
-        if guidance is not None or any(one.slack is not None for one in trajectories):
-            guides = self._guides(x, times, references, run, budget)
-            pairs = zip(controls, guides, strict=True)
-            controls = [one if guide is None else followed(guide) for one, guide in pairs]
-        if guidance is not None:
-            counts = guidance.counts(guides, samples)
-            predicted = [0.0] * len(counts)  # costs are too rough
-            worth = [count > TUNING.few for count in counts]
-            starts.mark_sampled({one for one, enough in zip(classes, worth, strict=True) if enough})
-        if allocates:  # by contributions in earlier plans
-            counts = run.shares.allocation.counts(names, predicted, worth, samples)
-        rows = zip(controls, counts, names, keys, strict=True)
-        proposals = tuple(Proposal(lead=one, count=count, name=name, key=key) for one, count, name, key in rows)
+            still = Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m)))
+            passive = Proposal(lead=still, count=integral.sampling.samples)
+            return Draft(batch=Batch(state=x, times=times, proposals=(passive,), time=run.now, others=others))
+        leads = self._leads(x, times, references, run, budget)
+        proposals = tuple(
+            Proposal(lead=lead, count=count, name=homology.name(one), key=homology.key(reference.winding))
+            for (lead, count), one, reference in zip(leads, classes, references, strict=True)
+        )
 
         @cache
         def others_of(k: int) -> list[ProposalControl]:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point, and the user's own."""
-            optima = starts.optima.get(classes[k], [])[1:]
-            second = followed(optima[0]) if optima else integral.proposals.defensive(x, trajectories[k], run.now)
+            if optima := starts.optima.get(classes[k], [])[1:]:
+                second: ProposalControl | None = self._followed(optima[0], times)
+            else:
+                second = integral.proposals.defensive(x, references[k].trajectory, run.now)
             found = [second, *(propose(x, proposals[k].lead) for propose in self.propose)]
             return [one for one in found if one is not None]
 
         batch = Batch(state=x, times=times, proposals=proposals, time=run.now, others=others)
         return Draft(batch=batch, classes=classes, others=others_of if self.settings.use.mixes else None)
+
+    def _leads(
+        self, x: Array, times: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget
+    ) -> list[tuple[ProposalControl, int]]:
+        """Return the default proposal of each class from x (n,), and its number of samples."""
+        integral, guidance, samples = self.integral, self.integral.guidance, self.integral.sampling.samples
+        allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
+        trajectories, classes = [one.trajectory for one in references], from_start(run, references)
+        controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
+        predicted = [one.promise for one in controls]
+        worth = [one.follows for one in controls]
+        counts = [samples] * len(classes)
+
+        if guidance is not None or any(one.slack is not None for one in trajectories):
+            guides = self._guides(x, times, references, run, budget)
+            pairs = zip(controls, guides, strict=True)
+            controls = [one if guide is None else self._followed(guide, times) for one, guide in pairs]
+        if guidance is not None:
+            counts = guidance.counts(guides, samples)
+            predicted = [0.0] * len(counts)  # costs are too rough
+            worth = [count > TUNING.few for count in counts]
+            run.starts.mark_sampled({one for one, enough in zip(classes, worth, strict=True) if enough})
+        if allocates:  # by contributions in earlier plans
+            names = [*map(run.route.homology.name, classes)]
+            counts = run.shares.allocation.counts(names, predicted, worth, samples)
+        return [*zip(controls, counts, strict=True)]
+
+    def _followed(self, guide: DDPGuide, times: Array) -> ProposalControl:
+        """Follow a guide with its feedback, or its nominal controls, the last of which leads on into the goal."""
+        if self.integral.guidance is not None:
+            return LinearFeedback(guide)
+        nominal, end = guide.tape, guide.length
+        nominal[end : end + TUNING.onward] = nominal[end - 1]
+        return Tape(times, nominal)
 
     def mixture(self, draft: Draft, run: RunState) -> Batch:
         """Return the batch of a draft, with the samples of a class divided between its proposals and its fitted law."""
@@ -251,7 +263,7 @@ class ProposalBuilder:
             last = starts.optima.get(classes[k], [])
             late = k > 0 and short()
 
-            waits = run.retries.waits(names[k])
+            waits = k > 0 and run.retries.waits(names[k])
             if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and (late or waits)):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.route.homology.key(one.winding), run.now)

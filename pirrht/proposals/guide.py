@@ -52,6 +52,14 @@ class Course(NamedTuple):
 COURSE: Any = Course
 
 
+class Nominal(NamedTuple):
+    """States, controls and feedback of a `Course` alone."""
+
+    states: Array  # (T+1, n)
+    control: Array  # (T, modes) a [1/sqrt(s)]
+    gains: Array  # (T, modes, n) K
+
+
 def empty_course(T: int, n: int, modes: int) -> Course:
     """Return a course of T steps from zeros, states (T+1, n); its noise is the passive one."""
     unit = np.tile(np.eye(modes), (T, 1, 1))
@@ -244,15 +252,20 @@ class Initialisation:
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
-        course = Course(
-            last.states, last.modes, last.gains, last.share, last.inverse, last.volume, last.modes, last.states
-        )
-        return self.retimed(course, last.length, last.times, times, elapsed=elapsed)
+        nominal = Nominal(last.states, last.modes, last.gains)
+        return self.retimed(nominal, last.length, last.times, times, elapsed=elapsed)
 
     def retimed(
-        self, last: Course, length: int, before: Array, times: Array, *, pace: float = 1.0, elapsed: float = 0.0
+        self,
+        last: Nominal | Course,
+        length: int,
+        before: Array,
+        times: Array,
+        *,
+        pace: float = 1.0,
+        elapsed: float = 0.0,
     ) -> tuple[Course, int]:
-        """Start from a course of some steps on a grid `before` (T+1,) [s], on another grid (T+1,) [s].
+        """Start from a nominal path of some steps on a grid `before` (T+1,) [s], on another grid (T+1,) [s].
 
         It begins after some time [s], and is followed by its feedback `pace` times as fast.
         """
