@@ -59,7 +59,7 @@ class Clock:
 
 @dataclass(slots=True)
 class WarmStarts:
-    """What plans leave for the next to begin from, by class from the start of the run."""
+    """Keeps what plans leave for the next to begin from, by class from the start of the run."""
 
     paths: dict[ClassFromStart, Motions] = field(default_factory=dict)  # last references: shortening goes on from there
     optima: dict[ClassFromStart, list[DDPGuide]] = field(default_factory=dict)  # last valid guides, best first
@@ -130,7 +130,7 @@ class Retries:
 
 @dataclass(slots=True)
 class ClassShares:
-    """What classes have contributed, by name."""
+    """Keeps what classes have contributed, by name."""
 
     allocation: Allocation = field(default_factory=Allocation)  # of samples, by what earlier ones contributed
     mixture: ClassMixture | None = None  # feedback of the last plan, into which the next one is pooled
@@ -159,7 +159,7 @@ class ClassShares:
 
 @dataclass(slots=True)
 class PlanEffort:
-    """What the next plan has time and samples for."""
+    """Tells what the next plan has time and samples for."""
 
     most: int | None = None  # classes that it has time for; None: all
     fitting: float = 0.0  # time that the last plan took to fit laws to its samples [s]

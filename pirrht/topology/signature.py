@@ -132,7 +132,7 @@ class Signature(ABC):
         return self
 
     def rays(self, x: Array, times: Array) -> Any:
-        """What kernels take of moving obstacles for paths from x (n,) over steps that end at times (T + 1,) [s]."""
+        """Return what kernels take of moving obstacles for paths from x (n,) over steps to times (T + 1,) [s]."""
         return ()
 
     def places(self, times: Array) -> Array:
