@@ -12,9 +12,9 @@ from pirrht.outcome import Outcome
 from pirrht.steering.straight_line import Tracked
 from pirrht.systems.rover import Rover
 
-AHEAD, RADIUS = 0.25, 0.15
+AHEAD, RADIUS = 0.35, 0.1
 SCENE = scene_of(
-    [disc("pillar", 2.0, 1.5, 0.3)], start=(0.6, 1.4), goal=(3.4, 1.5, 0.3), side=(4.0, 3.0), radius=RADIUS
+    [disc("pillar", 2.0, 1.5, 0.5)], start=(0.8, 1.45), goal=(3.4, 1.5, 0.3), side=(4.0, 3.0), radius=RADIUS
 )
 
 
@@ -41,24 +41,27 @@ def rover() -> tuple[Problem, Any]:
     return problem, Tracked.of(problem)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("made", [car, rover])
-def test_tree_guides_and_samples_keep_a_member_off_walls_that_a_disc_about_the_position_would_touch(made):
-    problem, steering = made()
-    plain = FreeSpace.of(SCENE)
-    space = offset(plain, AHEAD)
-    exact, x = space.collision, problem.dynamics.state_of(SCENE.start)
-
+def least_clearance(problem: Problem, steering: Any, space: FreeSpace, exact: Any) -> float:
+    """The least clearance by FCL of samples of a plan that arrive [m]."""
     tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(0))
     tree.grow(300)
     controller = Controller(problem, space, tree, Sampling(samples=400), rng=np.random.default_rng(1))
-    plan = controller.plan(x)
+    plan = controller.plan(problem.dynamics.state_of(SCENE.start))
     assert plan.fallback is None
 
     rollouts = plan.estimate.rollouts
     states, steps = controller.path_integral.replay.trace(rollouts, np.arange(rollouts.size))
-    ends = rollouts.paths.outcome
-    arrived = [path[:last] for path, last, end in zip(states, steps, ends, strict=True) if end == Outcome.GOAL]
+    ended = zip(states, steps, rollouts.paths.outcome, strict=True)
+    arrived = [path[:last] for path, last, outcome in ended if outcome == Outcome.GOAL]
     assert len(arrived) > 50
-    assert min(exact.clearance(path).min() for path in arrived) > -0.01
-    assert {int(end) for end in ends} >= {Outcome.GOAL, Outcome.COLLISION}
+    return min(exact.clearance(path).min() for path in arrived)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("made", [car, rover])
+def test_tree_guides_and_samples_keep_a_member_off_walls_that_they_let_a_disc_about_the_position_pass(made):
+    problem, steering = made()
+    plain = FreeSpace.of(SCENE)
+    space = offset(plain, AHEAD)
+    assert least_clearance(problem, steering, space, space.collision) > -0.01
+    assert least_clearance(problem, steering, plain, space.collision) < -0.03
