@@ -15,7 +15,6 @@ from scipy.stats import norm
 from solved import Solved, around_corner, around_post, in_channel, problem_in, slope
 
 from pirrht import Desirability, FreeSpace, PathIntegral, Sampling, path_integral
-from pirrht.arrays import Array
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.wall_drift import FlatWalls, NearWalls, WallDrift, shortfall
 
@@ -28,7 +27,7 @@ def way(known: Solved) -> tuple[PathIntegral, DesirabilityAscent]:
     return integral, integral.proposals.climbing(known.x, known.lines[0])
 
 
-def beside(known: Solved, seed: int, count: int = 300) -> Array:
+def beside(known: Solved, seed: int, count: int = 300) -> np.ndarray:
     """States within about 5 cm of the first reference, 3 cm from walls and 20 cm from the goal at least, (., 2) [m]."""
     rng = np.random.default_rng(seed)
     whole = np.vstack([known.x, known.lines[0]])
