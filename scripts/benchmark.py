@@ -7,6 +7,7 @@
                                             turn with those of another checkout (--against)
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py effective   effective samples of all plans of drives: six robots, scenes, worlds of BARN
+    python scripts/benchmark.py worst       where their 30 (--plans) weakest plans lose these, and what is to blame
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
     python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
                                             standard errors that they claim? --part car: v of the car;
@@ -20,6 +21,7 @@
                                             --part promise: drives with --risk 0.01 through random scenes
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
+    python scripts/benchmark.py maps        import of ROS maps and the first plan against pixels, 1000 to 4000 a side
     python scripts/benchmark.py presets     time, effective samples and error of v of each preset, on slit and clutter
 
 Times depend on the machine: quote ratios from one run.
@@ -41,8 +43,8 @@ PARTS = {
     "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
 TABLES = (
-    *("speed", "first-run", "obstacles", "presets"),
-    *("effective", "quality", "calibration", "risk", "mass"),
+    *("speed", "first-run", "obstacles", "maps", "presets"),
+    *("effective", "worst", "quality", "calibration", "risk", "mass"),
 )
 
 
@@ -55,7 +57,7 @@ def main() -> int:
     parser.add_argument("--scene", help="built-in name or MJCF file (the table's own)")
     parser.add_argument(
         "--robot",
-        help="of `effective` (all), `mass` and `speed --part systems` (hover), `--part moving` (puck), "
+        help="of `effective` and `worst` (all), `mass` and `speed --part systems` (hover), `--part moving` (puck), "
         "`first-run` (rover, or some with commas)",
     )
     parser.add_argument("--drive", type=float, default=2.0, help="simulated seconds of the drives that are timed (2)")
@@ -75,7 +77,7 @@ def main() -> int:
     parser.add_argument(
         "--png",
         type=Path,
-        help="draw `calibration`, samples and drives of `quality`, or kept and tradeoff of `risk`",
+        help="draw `calibration`, `maps`, samples and drives of `quality`, or kept and tradeoff of `risk`",
     )
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="of `first-run`")
     parser.add_argument("--repeats", type=int, default=3, help="of `first-run` (3)")
@@ -84,7 +86,9 @@ def main() -> int:
         "--scenes", type=int, help="random scenes (30; of the car 3; of `--part moving` the built-in ones)"
     )
     random.add_argument("--states", type=int, help="random states in each (12; of the car 8); of `mass` in all (20)")
-    random.add_argument("--plans", type=int, help="plans at each state and noise level (20; of `mass` 10)")
+    random.add_argument(
+        "--plans", type=int, help="plans at each state and noise level (20; of `mass` 10, of `worst` 30 in all)"
+    )
     random.add_argument(
         "--samples", type=int, help="of each kind at each state of `mass` (1000000; on the line 100000)"
     )
