@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.geometry.space import INSIDE, pose_at
 from pirrht.geometry.world import NOTHING_MOVES, WALL
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, kernel, load_float64, part
 from pirrht.jit.streams import antithetic, exposure, stream
 from pirrht.jit.vectors import copy_row, copy_rows, solve
 from pirrht.rollouts.exits import exits
-from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.law import aims
 from pirrht.rollouts.tables import NUMBERS, law_columns
 from pirrht.rollouts.tuning import TUNING
@@ -39,7 +39,7 @@ from pirrht.systems.dynamics import no_drift
 from pirrht.topology.signature import NO_CLASSES, SignatureKernels
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, planar, shapes_for, walls_for,
+    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, pose_noise, shapes_for, walls_for,
 )  # fmt: skip
 
 
@@ -234,7 +234,9 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     moving, begin_watch = kind.moving is not None, (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance = planar(kind)[0]
+    noise = pose_noise(kind)
+    covariance, scaled = noise.covariance, noise.scaled
+    pose, distances, no_walls = pose_at(kind.reads), kind.space.distances, NO_WALLS[len(kind.reads)]
     move = motion(kind)
 
     length_of = length_for(kind)
@@ -282,15 +284,15 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             drift(x, p, scratch.f)
         dt, close = length_of(setup, tables, scratch, rates, before, left, now)
         if noisy_position and tables.wall_offset > 0.0:
-            walls = push_of(tables, scratch, setup.world, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
+            walls = push_of(tables, scratch, setup.world, scaled(rates, dt), close)
         return rates, dt, walls, close
 
     @part
-    def expose(scratch, field, stretch, before, rates, close):  # type: ignore[no-untyped-def]
+    def expose(scratch, static, stretch, before, rates, close):  # type: ignore[no-untyped-def]
         """Judge the stretch of time that ends here: (exposure until now, its time, gap at its beginning)."""
         exposed, since, began = stretch
         if since < 0.0 or since >= TUNING.stretch:
-            gap, deviation = gap_of(scratch, field, before, rates, close)
+            gap, deviation = gap_of(scratch, static, before, rates, close)
             if since > 0.0:
                 exposed += exposure(np.float32(began), np.float32(gap), np.float32(deviation), np.float32(since))
             return exposed, 0.0, gap
@@ -318,11 +320,11 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         keep_state(keep, 0, x)
         first, sign = antithetic(sample, tables.first[h], tables.mirrored)
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
-        key = begin_class(tables.marks, x, scratch.sides)
+        key = begin_class(tables.marks, pose(x), scratch.sides)
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
         stretch = 0.0, -1.0, 0.0  # exposure to walls, and what `expose` judges it by
-        known = (covariance(scratch.B), False, NO_WALLS)
-        clear = (distances(setup.world, x[0], x[1]), 0.0)
+        known = (covariance(scratch.B), False, no_walls)
+        clear = (distances(setup.world, pose(x)), 0.0)
 
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
@@ -332,7 +334,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 where = (i, whole, i == 0 and done == 0.0)
                 rates, dt, walls, close = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 if noisy_position:
-                    stretch = expose(scratch, setup.world.field, stretch, clear[0], rates, close)
+                    stretch = expose(scratch, setup.world.static, stretch, clear[0], rates, close)
                 stretch = stretch[0], stretch[1] + dt, stretch[2]
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
@@ -341,13 +343,14 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 state = draw(tables, scratch, state, sign, h, i, dt, shaped)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
-                key += key_of_step(setup.classes, x, moved)
+                there = pose(moved)
+                key += key_of_step(setup.classes, pose(x), there)
                 state, exit, share, until, missed, clear = judge(
                     setup, tables, scratch, (dt, now), motion_of, clear, state
                 )
                 known = motion_of[3], curved_step and not motion_of[0], walls
                 since = (done + (until if until > 0.0 else dt * share)) / whole
-                key += follow_class(tables.marks, i, min(since, 1.0), moved, scratch.sides)
+                key += follow_class(tables.marks, i, min(since, 1.0), there, scratch.sides)
                 add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until, shaped)
                 owed = record(keep, scratch, tables, h, where, until, exit == INSIDE)
                 log_survival += missed

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE
+from pirrht.geometry.space import BLOCKED, FREE, UNSURE
 from pirrht.jit.jit import kernel
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, copied
 from pirrht.topology.pairs import Turns, summed
@@ -48,7 +48,7 @@ def concatenated(parts: Sequence[Edges]) -> Edges:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EdgeChecker:
-    """Judges motions with the clearance field, and asks FCL where the field cannot certify."""
+    """Judges motions by certified clearances, and asks FCL where these cannot tell."""
 
     space: FreeSpace
     around: Surroundings
@@ -56,7 +56,7 @@ class EdgeChecker:
 
     @property
     def kernels(self) -> MotionKernels:
-        """Kernels that judge its motions."""
+        """Kernels of its kind of motions, for the robot's footprint and the classes of paths."""
         return self.motion.kernels(self.around)
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:

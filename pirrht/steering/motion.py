@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, truncate
-from pirrht.geometry.field import Field
+from pirrht.geometry.arcs import TWO_PI, Curves, along, entry_of_curve, truncate
+from pirrht.geometry.space import Space, SpaceKernels
 from pirrht.geometry.world import Moving
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
@@ -110,7 +110,7 @@ def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
 class Surroundings(NamedTuple):
     """A scene as kernels that judge or shorten motions take it; nothing in it moves for motions without times."""
 
-    field: Field
+    static: Space  # of the robot's footprint
     classes: Table  # of the signature
     weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker, moving ones last
     goal_x: float  # goal point [m]
@@ -123,7 +123,7 @@ class Surroundings(NamedTuple):
         """Take an examined scene and the classes of paths in it."""
         x, y = space.scene.goal.center.tolist()
         return cls(
-            field=space.field, classes=homology.table, weights=homology.hash_weights, goal_x=x, goal_y=y,
+            static=space.static, classes=homology.table, weights=homology.hash_weights, goal_x=x, goal_y=y,
             goal_radius=float(space.scene.goal.radius), traffic=space.moving,
         )  # fmt: skip
 
@@ -155,7 +155,7 @@ class MotionKernels(NamedTuple):
 
     entry: Callable[..., float]  # (motions, i, around): where motion i enters the goal's disc; infinity if it does not
     cut: Callable[..., None]  # (motions, i, s): end motion i at s, and its cost
-    # (motions, i, around, patient): FREE, BLOCKED or UNSURE by the clearance field; without `patient` what is not FREE
+    # (motions, i, around, patient): FREE, BLOCKED or UNSURE by certified clearances; without `patient` what is not FREE
     # may be either of the others.
     certify: Callable[..., int]
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
@@ -169,7 +169,7 @@ class MotionKernels(NamedTuple):
 class MotionKind(NamedTuple):
     """A kind of motions: how the tree judges `Motions` of it, and makes references of them."""
 
-    kernels: Callable[[Any], MotionKernels]  # (surroundings): those that judge motions in them
+    kernels: Callable[[Any], MotionKernels]  # (surroundings): by kernels of their footprint and classes
     free: Callable[[Any, int, FreeSpace], bool]  # FCL's verdict on motion i
     trajectory: Callable[[Any, Any], Trajectory]  # (steering, path): the controls that drive a path, and their times
 
@@ -203,11 +203,6 @@ def _cut(curves, i, s):  # type: ignore[no-untyped-def]
     whole = _length(curves, i)
     truncate(curves.length[i], s, curves.length[i])
     curves.cost[i] *= _length(curves, i) / max(whole, 1e-300)  # a curve of no length costs nothing
-
-
-@part
-def _certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
-    return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i], patient)
 
 
 @cache
@@ -260,7 +255,7 @@ def _free(curves: Curves, i: int, space: FreeSpace) -> bool:
         if kappa == 0:
             free = bool(collision.segments_free(np.array([pose[:2]]), np.array([end[:2]]))[0])
         else:
-            free = collision.bisect_free(lambda s, at=(*pose, kappa): np.array(along(*at, s)[:2]), total)  # type: ignore[misc]
+            free = collision.bisect_free(lambda s, at=(*pose, kappa): np.array(along(*at, s)), total, kappa)  # type: ignore[misc]
         if not free:
             return False
         pose = end
@@ -283,8 +278,21 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
 _most = inlined(lambda curves: curves.length.shape[1])
 
 
+@cache
+def _certify_for(space: SpaceKernels) -> Any:
+    """Build the kernel that certifies curves, by kernels of a footprint."""
+    certify_curve = space.certify_curve
+
+    @part
+    def certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
+        return certify_curve(around.static, curves.start[i], curves.curvature[i], curves.length[i], patient)
+
+    return certify
+
+
 def _kernels(around: Surroundings) -> MotionKernels:
-    return MotionKernels(_entry, _cut, _certify, _pairs_of(around.classes.kernels), _most, _between)
+    certify = _certify_for(around.static.kernels)
+    return MotionKernels(_entry, _cut, certify, _pairs_of(around.classes.kernels), _most, _between)
 
 
 ARCS = MotionKind(_kernels, _free, _trajectory)

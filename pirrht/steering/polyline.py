@@ -7,31 +7,33 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import FREE, Curves, certify_segment
-from pirrht.geometry.field import clearance
+from pirrht.geometry.arcs import Curves
+from pirrht.geometry.space import FREE, SpaceKernels
 from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.jit.vectors import copy_rows
 from pirrht.steering.chain import Connect, shortcut_with
+from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.legs import entered
-from pirrht.steering.motion import Surroundings
 from pirrht.steering.tuning import POLYLINE as TUNING
 from pirrht.topology.signature import SignatureKernels
 
 
-def taut_lines(path: Curves, connect: Connect, around: Surroundings) -> Any:
+def taut_lines(path: Curves, connect: Connect, checker: EdgeChecker) -> Any:
     """Shorten consecutive straight motions into the goal inside their class, and connect the corners that are left."""
     length = path.length[-1].sum()
     x, y, theta = path.start[-1]
     end = np.array([x + length * np.cos(theta), y + length * np.sin(theta)])
-    short = taut_polyline(np.vstack([path.start[:, :2], end]), around)
+    short = taut_polyline(np.vstack([path.start[:, :2], end]), checker)
     return connect(short[:-1], short[1:])
 
 
-def taut_polyline(points: Array, around: Surroundings) -> Array:
+def taut_polyline(points: Array, checker: EdgeChecker) -> Array:
     """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
     capacity = max(TUNING.capacity, TUNING.capacity_per_corner * len(points))
     out = np.empty((capacity + TUNING.loose_capacity, 2))
-    short = out[: shortener(around.classes.kernels)(around, np.ascontiguousarray(points), capacity, out)].copy()
+    around = checker.around
+    taut = tautening(around.static.kernels, around.classes.kernels)
+    short = out[: taut(around, np.ascontiguousarray(points), capacity, out)].copy()
     return short if _length(short, len(short)) <= _length(points, len(points)) else points
 
 
@@ -43,21 +45,19 @@ def _length(points, count):  # type: ignore[no-untyped-def]
     return total
 
 
-@inlined
-def _touches(around, x, y):  # type: ignore[no-untyped-def]
-    """Return whether something keeps a corner at (x, y) [m] from being cut."""
-    return clearance(around.field, x, y) <= TUNING.touching
-
-
 @cache
-def shortener(classes: SignatureKernels) -> Any:
-    """Build the kernel that shortens polylines, by kernels of a signature."""
+def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
+    """Build the kernel (around, points (k, 2), capacity, out (l, 2)) that shortens a polyline.
+
+    It takes kernels of a footprint and of a signature.
+    """
+    place, certify_piece = space.place, space.certify_piece
     key_of_step = classes.key
 
     @borrowing
     def key_of(around, a, b, last):  # type: ignore[no-untyped-def]
         """Additive key of the segment from a (2,) to b (2,)."""
-        return key_of_step(around.classes, a, b)
+        return key_of_step(around.classes, (a[0], a[1]), (b[0], b[1]))
 
     @borrowing
     def joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
@@ -68,13 +68,13 @@ def shortener(classes: SignatureKernels) -> Any:
         x = a[0] + share * (b[0] - a[0])
         y = a[1] + share * (b[1] - a[1])
 
-        return certify_segment(around.field, a[0], a[1], x, y, False) == FREE
+        return certify_piece(around.static, (a[0], a[1]), (x, y), False) == FREE
 
     shortcut = shortcut_with(key_of, joins)
 
     @borrowing
     def cut(around, corner, first, last, halvings):  # type: ignore[no-untyped-def]
-        """Cut a corner (before, corner, after), (3, 2), as far as the piece across it is free; the share of its legs.
+        """Cut a corner (before, corner, after), (3, 2), as far as the piece across stays free; the share of its legs.
 
         Rows 0 and 2 become the ends of the piece; of these, `first` and `last` tell which come from the corner.
         """
@@ -105,9 +105,14 @@ def shortener(classes: SignatureKernels) -> Any:
                 high = share
         return low
 
+    @inlined
+    def touches(around, x, y):  # type: ignore[no-untyped-def]
+        """Return whether something keeps a corner at (x, y) [m] from being cut."""
+        return place(around.static, (x, y)) <= TUNING.touching
+
     @kernel
     def blunt_corners(around, points, count, least, capacity, out):  # type: ignore[no-untyped-def]
-        """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, below `capacity`."""
+        """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, under `capacity`."""
         out[0, 0] = points[0, 0]
         out[0, 1] = points[0, 1]
         n, corner = 1, np.empty((3, 2))
@@ -121,7 +126,7 @@ def shortener(classes: SignatureKernels) -> Any:
             bx = corner[2, 0] - corner[1, 0]
             by = corner[2, 1] - corner[1, 1]
             t, turn = 0.0, abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-            wanted = turn > least or (turn > TUNING.straight_turn and not _touches(around, points[i, 0], points[i, 1]))
+            wanted = turn > least or (turn > TUNING.straight_turn and not touches(around, points[i, 0], points[i, 1]))
             if wanted and n + 2 + count - i < capacity:
                 t = cut(around, corner, True, True, TUNING.halvings)
             if t > 0.0:
@@ -142,7 +147,7 @@ def shortener(classes: SignatureKernels) -> Any:
         loose, corner = False, np.empty((3, 2))
         for i in range(1, count - 1):
             for end in (2, 0):
-                if not _touches(around, points[i, 0], points[i, 1]):
+                if not touches(around, points[i, 0], points[i, 1]):
                     loose = True
                     copy_rows(points[i - 1 : i + 2], corner)
                     cut(around, corner, end == 0, end == 2, TUNING.slide_halvings)

@@ -57,7 +57,7 @@ def arcs(table, curve, to_goal, head, marker, turn, count):  # type: ignore[no-u
 
 @part
 def key(table, a, b):  # type: ignore[no-untyped-def]
-    """Additive key of the segment from a (n,) to b (n,)."""
+    """Additive key of the segment from a to b, positions [m]."""
     return key_of_step(table.cuts, a[0], a[1], b[0], b[1])
 
 

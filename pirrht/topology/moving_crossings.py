@@ -233,7 +233,7 @@ def watch(marks):  # type: ignore[no-untyped-def]
 
 @part
 def begin(marks, x, watch):  # type: ignore[no-untyped-def]
-    """Note the sides of rays on which a path from x (n,) begins; return its first additive key."""
+    """Note the sides of rays on which a path from a position x begins; return its first additive key."""
     side, spot = watch.side, watch.spot
     spot[0] = 0.0
     spot[1] = 0.0
@@ -247,7 +247,7 @@ def begin(marks, x, watch):  # type: ignore[no-untyped-def]
 
 @part
 def follow(marks, i, share, x, watch):  # type: ignore[no-untyped-def]
-    """Additive key of the turns of a step that ends at x (n,), a share of step i later than that begins.
+    """Additive key of the turns of a step that ends at a position x, a share of step i later than that begins.
 
     `watch` is as the last call has left it. A path hardly ever changes sides: only that is vectorized.
     """

@@ -38,15 +38,15 @@ class SignatureKernels(NamedTuple):
     # (table, (start, curvature, length), to_goal, head, marker, turn, count): append the pairs of a curve of arcs
     # (`Curves`), that ends at `head`, among static obstacles; None: there are no arcs.
     arcs: Any = None
-    # (table, a, b): additive key of a straight step between states among static obstacles.
+    # (table, a, b): additive key of a straight step between positions among static obstacles.
     key: Any = None
     # (table, f, (x, y, to_x, to_y), n, keys, at): add those of n steps of points in the plane to `keys` from `at` on;
     # their coordinates are in f, in single precision, from four places on. None: there are no points in the plane.
     keys: Any = None
     # Of sampled paths among moving obstacles; None: there are none. `watch` is scratch of one path after another.
     watch: Any = None  # (rays): allocate scratch
-    begin: Any = None  # (rays, x, watch): begin another path at a state; return its first additive key
-    follow: Any = None  # (rays, i, share, x, watch): additive key of the step to a state, a share of step i later
+    begin: Any = None  # (rays, x, watch): begin another path at a position; return its first additive key
+    follow: Any = None  # (rays, i, share, x, watch): additive key of the step to a position, a share of step i later
 
 
 def _unclassified() -> SignatureKernels:

@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -125,12 +125,13 @@ def test_the_mean_of_the_slope_falls_short_by_what_paths_that_would_meet_the_wal
 
 
 def next_to(*walls: tuple[float, tuple[float, float], float], push: tuple[float, float] = (0, 0)) -> NearWalls:
-    def near(x: np.ndarray, s: float = 0.0) -> tuple[float, ...]:
-        known = [(c + receding * s, *away) for c, away, receding in walls]
-        return tuple(itertools.chain(*[*known, (np.inf, 0.0, 0.0), (np.inf, 0.0, 0.0)][:2]))
+    def near(x: np.ndarray, s: float = 0.0) -> tuple[Any, ...]:
+        known = [(c + receding * s, away) for c, away, receding in walls]
+        return tuple(itertools.chain(*[*known, (np.inf, (0.0, 0.0)), (np.inf, (0.0, 0.0))][:2]))
 
-    d = SimpleNamespace(G_c=lambda x: np.eye(2), B_c=lambda x: B * np.eye(2))
-    drift = SimpleNamespace(walls=near, gain=lambda x: B**2 * np.eye(2), problem=SimpleNamespace(dynamics=d))
+    d = SimpleNamespace(B_c=lambda x: B * np.eye(2))
+    gains = {"gain": lambda x: B**2 * np.eye(2), "gains": lambda x: np.eye(2)}
+    drift = SimpleNamespace(walls=near, problem=SimpleNamespace(dynamics=d), **gains)
     flat = FlatWalls(drift=cast(WallDrift, drift), x=np.zeros(2), span=0.02)
     return NearWalls(push=np.array(push), clipped=np.zeros(2), flat=flat)
 

@@ -16,6 +16,7 @@ from trees import grown
 
 from pirrht import Dubins, FreeSpace, HomologyTree, PathIntegral, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
+from pirrht.geometry.disc import DISC
 from pirrht.problem import unit_rate
 from pirrht.rollouts.cpu import Cpu, loops
 from pirrht.rollouts.path import any_path
@@ -43,7 +44,8 @@ def both(scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: s
     source = path_integral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
     kernels = source.setup.classes.kernels
-    kind = KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, Traits.of(problem), classes=kernels)
+    traits = Traits.of(problem)
+    kind = KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, traits, DISC, (0, 1), classes=kernels)
     path = any_path(kind)
     source.backend = Cpu(loops(*path, 2), 1)
     return block, drawn(source, tree, counts).paths

@@ -1,6 +1,6 @@
-"""A tree and its references in space: a box world of three dimensions, and linking numbers with a ring.
+"""A second member of the interface of signatures: linking numbers with a ring, for a tree in space.
 
-World, steering and signature are doubles that use the three interfaces only. Start and goal lie on one side of the
+World and steering are doubles, since footprints are planar. Start and goal lie on one side of the
 ring, so a path may pass it by, go through it and come back outside, or come back through it.
 """
 
@@ -12,7 +12,7 @@ import pytest
 
 from pirrht import HomologyTree, NoReference, Steering
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import BLOCKED, FREE
+from pirrht.geometry.space import BLOCKED, FREE
 from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import MotionKernels, MotionKind, Trajectory
 from pirrht.topology.signature import Signature, SignatureKernels
@@ -95,7 +95,7 @@ class BoxWorld:
             bars.append([center - half, center + half])
         self.boxes = np.array(bars)
 
-    def free(self, x: Array) -> bool:
+    def free(self, x: Array, reads: tuple[int, ...] = (0, 1, 2)) -> bool:
         inside = np.all((self.boxes[:, 0] <= x) & (x <= self.boxes[:, 1]), axis=1)
         return bool(np.all((x >= 0.0) & (x <= SIDE)) and not inside.any())
 
@@ -221,6 +221,9 @@ class StraightInSpace(Steering):
 
     def homology(self, space: Any) -> Ring:
         return Ring()
+
+    def reads(self, space: Any) -> tuple[int, ...]:
+        return 0, 1, 2
 
     def surroundings(self, space: BoxWorld) -> Surroundings:
         return Surroundings(space.boxes, GOAL, LINKS, Ring().hash_weights)
