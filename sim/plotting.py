@@ -91,9 +91,11 @@ def draw_scene(axes: Any, scenario: "Scenario") -> None:
     for mover in scene.movers if len(scene.movers) <= NAMED else ():
         x, y = mover.motion.pose(0.0)[:2]
         axes.text(x, y, maps.literal(mover.name), path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
-    if scenario.problem.dynamics.angles:
-        heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
-        axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
+    states = scenario.system.adapter
+    if (ahead := states.direction(scene.start)) is not None:
+        start = states.above(scene.start)
+        tip = start + scene.robot_radius * 1.6 * ahead
+        axes.annotate("", tip, start, arrowprops={"arrowstyle": "->", "lw": 1.2})
 
 
 def draw_moments(axes: Any, scenario: "Scenario", references: Sequence[Reference], colors: ClassColors) -> float:

@@ -21,6 +21,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.plotting.strokes import fading, interpolated, lengths, outline
 from pirrht.topology.homology import Homology
 from pirrht.topology.signature import OTHER
+from sim.states import adapter_of
 
 Floats = NDArray[np.float32]
 DEAD = "dead"
@@ -71,6 +72,11 @@ def lift(points: Array, z: float | Array) -> Floats:
     return out
 
 
+def single(points: Array) -> Floats:
+    """Points (..., 3) in single precision, rounded as those of `lift` along x and y."""
+    return lift(points, points[..., 2])
+
+
 class Fan(NamedTuple):
     """Sampled paths of one class, or of those that died."""
 
@@ -97,13 +103,14 @@ def fans(
         length = max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
     top = max(float(estimate.weight.max()), np.finfo(float).tiny)  # earlier samples may have all the weight
     drawn, times = {}, estimate.rollouts.tables.times
+    adapter = adapter_of(path_integral.problem.dynamics.states)
     for name, group in chosen.items():
         states, steps = path_integral.replay.trace(estimate.rollouts, group[::-1])  # the heavy ones last, on top
         opacity = np.sqrt(estimate.weight[group[::-1]] / top)
         # Steps may be unequal; points are even in time.
         at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
-        strips = lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02 * (1.0 + opacity[:, None]))
-        drawn[name] = Fan(strips=strips, moments=times[at], opacity=opacity)
+        places = adapter.drawn(np.take_along_axis(states, at[:, :, None], axis=1), 0.02 * (1.0 + opacity[:, None]))
+        drawn[name] = Fan(strips=single(places), moments=times[at], opacity=opacity)
     return drawn
 
 
@@ -140,7 +147,7 @@ def remaining(homology: Homology, reference: Reference, line: Array, obstacle: i
 def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str]) -> dict[str, Array]:
     """Per class, named by additive key, the weighted mean of its heaviest samples at equal shares of their time.
 
-    (POINTS, 2) [m]; if it touches something, the sample nearest to it.
+    Positions (POINTS, 2) [m]; if it touches something, the sample nearest to it.
     """
     paths, found = estimate.rollouts.paths, {}
     arrived = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0)
@@ -152,7 +159,8 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
         if len(group):
             states, steps = path_integral.replay.trace(estimate.rollouts, group)
             times = estimate.rollouts.tables.times[: states.shape[1]]
-            whole = zip(states[..., :2], times[steps], strict=True)
+            position = adapter_of(path_integral.problem.dynamics.states).position
+            whole = zip(states[..., position], times[steps], strict=True)
             lines = np.array([interpolated(line, times, share * end) for line, end in whole])
             mean = np.average(lines, axis=0, weights=estimate.weight[group])
             free = path_integral.space.collision.segments_free(mean[:-1], mean[1:]).all()

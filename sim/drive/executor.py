@@ -13,7 +13,8 @@ Moving obstacles are where their motions say at the end of each step, by the pla
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, hypot, inf, sqrt
+from math import ceil, dist, hypot, inf, sqrt
+from operator import lt
 
 import mujoco
 import numpy as np
@@ -27,9 +28,9 @@ from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.traits import Traits
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import Stance
 from sim.mjcf.obstacles import Mocap
 from sim.mjcf.robot import check_motion
+from sim.states import StateAdapter, adapter_of
 from sim.systems import named
 
 BALLS = ("robot/footprint", "robot/inner footprint")  # geoms, one of which collides where the robot is a ball
@@ -47,47 +48,50 @@ class ClearanceChecker:
     last disc does not bound it well enough.
     """
 
-    def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
+    def __init__(self, scene: Scene, states: StateAdapter, clearance: Clearance | None = None) -> None:
+        self._position = states.position
         static = Workspace(scene.lower, scene.upper, scene.obstacles)
         self._clearance = clearance or Collision(static, scene.body).clearance
         self._crowd = MovingObstacles(scene.movers, scene.body) if scene.movers else None
-        self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
+        self._disc: tuple[float, list[float] | None] = -inf, None  # the last static clearance [m], and where
 
     def least(self, states: Array, times: Array) -> float:
         """Return the least clearance at states (k, n) and times (k,) [s], the last ones next to the robot now [m].
 
         It is 0 in a collision.
         """
-        static = self._clearance(states[:, :2])
-        self._disc = float(static[-1]), float(states[-1, 0]), float(states[-1, 1])
+        places = states[:, self._position]
+        static = self._clearance(places)
+        self._disc = float(static[-1]), places[-1].tolist()
         free = float(static.min())
         if self._crowd is not None:
             for x, now in zip(states, times, strict=True):
                 if self._crowd.surely(x, now) < free:
-                    free = min(free, self._crowd.clearance(x[:2], now))
+                    free = min(free, self._crowd.clearance(x[self._position], now))
         return max(0.0, free)
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
         """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
         way = x - before
-        length = hypot(way[0], way[1])
+        length = hypot(*way[self._position])
         if not self._static(x, length) > length and touches(
             lambda s: self._static(before + s * way) + ROUNDING, lambda a, b: (b - a) * length, undecided=False
         ):
             return True
-        return self._crowd is not None and self._crowd.meets(before[:2], begin, x[:2], now)
+        return self._crowd is not None and self._crowd.meets(before[self._position], begin, x[self._position], now)
 
     def travel(self, before: Array, x: Array, begin: float, now: float) -> float:
         """Bound how far a robot goes from one state to the next and an obstacle meanwhile, together [m]."""
         moved = 0.0 if self._crowd is None else self._crowd.travel(begin, now)
-        return hypot(x[0] - before[0], x[1] - before[1]) + moved
+        return dist(x[self._position], before[self._position]) + moved
 
     def _static(self, x: Array, enough: float = inf) -> float:
-        free, at_x, at_y = self._disc
-        free -= hypot(x[0] - at_x, x[1] - at_y)
+        free, place = self._disc
+        here = x[self._position].tolist()
+        free = -inf if place is None else free - dist(here, place)
         if free < enough:
-            free = float(self._clearance(x[None, :2])[0])
-            self._disc = free, float(x[0]), float(x[1])
+            free = float(self._clearance(x[None, self._position])[0])
+            self._disc = free, here
         return free
 
 
@@ -133,11 +137,12 @@ class Plant:
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
         """Continue in this problem, of the same robot: among its obstacles, to its goal, under its noise."""
-        self._problem, self._checker = problem, ClearanceChecker(problem.scene, clearance)
+        self._problem, self._states = problem, adapter_of(problem.dynamics.states)
+        self._checker = ClearanceChecker(problem.scene, self._states, clearance)
 
     @property
     def state(self) -> Array:
-        """State (n,): x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities [m/s]."""
+        """State (n,), its headings unwrapped."""
         return self._state.copy()
 
     @property
@@ -163,11 +168,12 @@ class Plant:
         x = self.state
         scene = self._problem.scene
 
-        left, low = scene.lower.tolist()
-        right, high = scene.upper.tolist()
-        gx, gy = scene.goal.center.tolist()
+        position = self._states.position
+        lower = scene.lower.tolist()
+        upper = scene.upper.tolist()
+        goal = scene.goal.center.tolist()
 
-        at_x, at_y = x[:2].tolist()
+        place = x[position].tolist()
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
         controls = np.empty_like(noise)
         states = np.empty((self._count, len(x)))
@@ -183,14 +189,15 @@ class Plant:
             u[:] = control_at(x, k * h)
             cost += (problem.rate(x) + 0.5 * float(u.dot(problem.control_cost(x)).dot(u))) * h
             before = x
-            was_at_x, was_at_y = at_x, at_y
+            last = place
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
-            at_x, at_y = x[:2].tolist()
-            length += hypot(at_x - was_at_x, at_y - was_at_y)
-            if not (left < at_x < right and low < at_y < high) or self._touching(before, x):
+            place = x[position].tolist()
+            length += dist(place, last)
+            inside = all(map(lt, lower, place)) and all(map(lt, place, upper))
+            if not inside or self._touching(before, x):
                 outcome = Outcome.COLLISION
-            elif hypot(at_x - gx, at_y - gy) <= scene.goal.radius:
+            elif dist(place, goal) <= scene.goal.radius:
                 outcome = Outcome.GOAL
             k += 1
         if not np.isfinite(cost):
@@ -220,7 +227,7 @@ class Executor(Plant):
             raise OptionError(f"{loaded.unfit}; or give --robot FILE.xml, or --plant sde, which drives no joints")
         check_motion(model, called, problem.dynamics, loaded.command)
         self.data = mujoco.MjData(model)
-        self._stance = Stance(model, loaded.states)
+        self._joints = loaded.adapter.joints(model)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
         self._mocap = Mocap(model, loaded.scene.movers) if loaded.scene.movers else None
         balls = [model.geom(i) for i in range(model.ngeom) if model.geom(i).name in BALLS]
@@ -244,7 +251,7 @@ class Executor(Plant):
         dynamics = self._problem.dynamics
         twist = dynamics.twist(self._state, dynamics.idle(self._state))
         mujoco.mj_resetDataKeyframe(self._model, self.data, 0)
-        self._stance.place(self.data, self._state, twist, self._command.dot(twist))
+        self._joints.place(self.data, self._state, twist, self._command.dot(twist))
         if self._mocap is not None:
             self._mocap.place(self.data, time)
         mujoco.mj_step1(self._model, self.data)
@@ -256,7 +263,7 @@ class Executor(Plant):
         if self._mocap is not None:
             self._mocap.place(self.data, self.time)
         mujoco.mj_step1(self._model, self.data)
-        return self._stance.read(self.data, x)
+        return self._joints.read(self.data, x)
 
     def _touching(self, before: Array, x: Array) -> bool:
         if self._contacts(self.data):
@@ -277,7 +284,7 @@ class Executor(Plant):
         poses = min(ceil(self._checker.travel(before, x, begin, self.time) / apart), MOST_POSES)
         mujoco.mj_copyData(data, self._model, self.data)
         for share in np.arange(1, poses) / poses:
-            self._stance.place(data, before + share * (x - before), np.zeros(2), data.ctrl)
+            self._joints.place(data, before + share * (x - before), np.zeros(2), data.ctrl)
             if self._mocap is not None:
                 self._mocap.place(data, begin + share * h)
             mujoco.mj_fwdPosition(self._model, data)
