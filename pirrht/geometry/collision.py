@@ -13,7 +13,8 @@ import fcl
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray, IntArray
-from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
+from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.scene import Kind, Obstacle, Workspace
 from pirrht.geometry.shapes import Solids, distances, hull_of
 from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.walls import Found, nearest_walls
@@ -157,11 +158,11 @@ class Collision:
     def bisect_free(self, position: Callable[[float], Array], length: float) -> bool:
         """Return whether clearances certify a curve: a piece ab is free if c(a) + c(b) > |ab|.
 
-        `position` takes an arc length in [0, length] [m] to the robot's centre (2,) [m].
+        `position` takes an arc length in [0, length] [m] to the robot's centre, x and y [m] first.
         """
 
         def clear(s: float) -> float:
-            return float(self.clearance(position(s)[None])[0])
+            return float(self.clearance(position(s)[None, :2])[0])
 
         return not touches(clear, lambda a, b: b - a, length, slack=TUNING.rounding)
 
