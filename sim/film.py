@@ -24,7 +24,7 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.plotting.colors import ClassColors, Color, blend, rgb
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, title
-from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen
+from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen, heavy_ends, rings
 from sim.drive.metrics import Frame
 from sim.extras import require
 from sim.files import replaced
@@ -192,6 +192,10 @@ class Film:
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
             for strip, share in zip(fan.strips.astype(float), opacity, strict=True):
                 self._join(strip, mujoco.mjtGeom.mjGEOM_LINE, THIN, np.array([*rgb(color), share]), 0.6)
+            for ring in heavy_ends(self._scene.body, fan):
+                self._line(ring, 0.012, color, 0.004)
+        if not self._scene.body.is_disc:
+            self._line(rings(self._scene.body, self._states.poses(state[None]))[0], 0.035, DRIVEN, 0.01)
         for mover in self._scene.movers if len(self._scene.movers) <= NAMED else ():
             top = max(float(solid.position[2]) for solid in mover.solids)
             place = np.array([*mover.motion.pose(now)[:2], top])

@@ -25,6 +25,7 @@ from sim import options, rehearsal, tree_file
 from sim.cli import tables
 from sim.drive.metrics import Truth
 from sim.files import path_text, replaced, write_json
+from sim.mjcf.footprint import collision_of
 from sim.recording.reasons import shares_of
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
@@ -281,8 +282,11 @@ def why_covered(x: Array, scenario: Scenario) -> str:
     if not scene.world.contains(place[0]):
         return f"this state is outside the workspace, {adapter.borders_text(scene.lower, scene.upper)}"
     nearest = collision.nearest_walls(place, range(len(scene.obstacles)), scene.robot_radius).which[0]
-    obstacle, distance = scene.obstacles[nearest].name, float(collision.true_distance(place)[0])
-    if distance < scene.body.radius + ROUNDING:
+    obstacle, free = scene.obstacles[nearest].name, float(collision.true_distance(place)[0]) - scene.body.radius
+    if not scene.body.is_disc:
+        free = float(collision_of(scene.world, scene.body).clearance(adapter.poses(x[None]))[0])
+    if free < ROUNDING:
         return f'the robot collides with obstacle "{obstacle}" there'
-    free = f"{distance - scene.body.radius:.3g} m from obstacle"
-    return f'the robot is {free} "{obstacle}" there, and plans keep a margin of {scene.margin:.3g} m'
+    return (
+        f'the robot is {free:.3g} m from obstacle "{obstacle}" there, and plans keep a margin of {scene.margin:.3g} m'
+    )

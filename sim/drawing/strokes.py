@@ -13,12 +13,13 @@ from scipy.spatial.transform import Rotation
 from pirrht.arrays import Array, IntArray
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover
 from pirrht.outcome import Outcome
 from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting.strokes import fading, interpolated, lengths, outline
+from pirrht.plotting.strokes import even, fading, interpolated, lengths, outline
 from pirrht.topology.homology import Homology
 from pirrht.topology.signature import OTHER
 from sim.states import adapter_of
@@ -28,6 +29,7 @@ DEAD = "dead"
 MOST, POINTS = 24, 32  # samples of a mean path, the heaviest of a class, and its points
 CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
 TURN = 0.15  # of an obstacle from one ring of its tube to the next at most [rad]
+ENDS = 8  # samples of a class whose robots are outlined where they end, the heaviest
 JUMP = 1e-6  # time over which an obstacle that starts over jumps [s]
 
 
@@ -83,6 +85,7 @@ class Fan(NamedTuple):
     strips: Floats  # (k, l, 3)
     moments: Array  # (k, l) when each point is reached, from the plan on [s]
     opacity: Array  # (k,) grows with the weight
+    ends: Array  # (k, 3) pose where each ends
 
 
 def fans(
@@ -109,9 +112,30 @@ def fans(
         opacity = np.sqrt(estimate.weight[group[::-1]] / top)
         # Steps may be unequal; points are even in time.
         at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
+        ends = adapter.poses(states[np.arange(len(steps)), steps])
         places = adapter.drawn(np.take_along_axis(states, at[:, :, None], axis=1), 0.02 * (1.0 + opacity[:, None]))
-        drawn[name] = Fan(strips=single(places), moments=times[at], opacity=opacity)
+        drawn[name] = Fan(strips=single(places), moments=times[at], opacity=opacity, ends=ends)
     return drawn
+
+
+def rings(footprint: Footprint, poses: Array) -> Array:
+    """Return the outlines of a footprint at poses (k, 3), closed, (k, c + 1, 2) [m]."""
+    found = footprint.at(poses)
+    return np.concatenate([found, found[:, :1]], axis=1)
+
+
+def heavy_ends(footprint: Footprint, fan: Fan) -> Array:
+    """Return the outlines of a robot with corners where the heaviest samples of a class end, (k, c + 1, 2) [m]."""
+    return rings(footprint, fan.ends[-ENDS:] if not footprint.is_disc else fan.ends[:0])
+
+
+def headed(line: Array, count: int) -> Array:
+    """Return poses at equal distances along a polyline (k, 2) or (k, 3), headed along it, (count, 3)."""
+    if line.shape[1] == 3:
+        return at_most(line, count)
+    places = even(line, 8 * count)
+    ahead = np.gradient(places, axis=0)
+    return at_most(np.column_stack([places, np.arctan2(ahead[:, 1], ahead[:, 0])]), count)
 
 
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:

@@ -22,12 +22,14 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.collision import Collision, touches
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.scene import ROUNDING, Scene, Workspace
 from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.traits import Traits
 from sim.mjcf import Loaded
+from sim.mjcf.footprint import collision_of
 from sim.mjcf.obstacles import Mocap
 from sim.mjcf.robot import check_motion
 from sim.states import StateAdapter, adapter_of
@@ -45,14 +47,18 @@ class ClearanceChecker:
     """Clearance of the robot itself among static and moving obstacles; that of static ones may be known already.
 
     Clearance is 1-Lipschitz: around a place that has some there is a disc that is free. FCL is queried only where the
-    last disc does not bound it well enough.
+    last disc does not bound it well enough. A robot with corners is examined where the disc around it is not free.
     """
 
     def __init__(self, scene: Scene, states: StateAdapter, clearance: Clearance | None = None) -> None:
         self._position = states.position
         static = Workspace(scene.lower, scene.upper, scene.obstacles)
-        self._clearance = clearance or Collision(static, scene.body).clearance
-        self._crowd = MovingObstacles(scene.movers, scene.body) if scene.movers else None
+        body = scene.body
+        around = body if body.is_disc else Footprint.disc(body.reach, height=body.height)
+        self._clearance = clearance or Collision(static, around).clearance
+        self._crowd = MovingObstacles(scene.movers, around) if scene.movers else None
+        self._states, self._reach = states, 0.0 if body.is_disc else body.reach
+        self._exact = None if body.is_disc else collision_of(static, body).clearance
         self._disc: tuple[float, list[float] | None] = -inf, None  # the last static clearance [m], and where
 
     def least(self, states: Array, times: Array) -> float:
@@ -62,6 +68,8 @@ class ClearanceChecker:
         """
         places = states[:, self._position]
         static = self._clearance(places)
+        if self._exact is not None:
+            return max(0.0, float(self._exact(self._states.poses(states)).min()))
         self._disc = float(static[-1]), places[-1].tolist()
         free = float(static.min())
         if self._crowd is not None:
@@ -77,13 +85,28 @@ class ClearanceChecker:
         if not self._static(x, length) > length and touches(
             lambda s: self._static(before + s * way) + ROUNDING, lambda a, b: (b - a) * length, undecided=False
         ):
-            return True
+            return self._exact is None or self._touching(before, x)
         return self._crowd is not None and self._crowd.meets(before[self._position], begin, x[self._position], now)
+
+    def _touching(self, before: Array, x: Array) -> bool:
+        """Check for anything between two states that touches a robot with corners."""
+        assert self._exact is not None
+        exact, begin, end = self._exact, self._states.poses(before), self._states.poses(x)
+        moved = dist(before[self._position], x[self._position]) + self.turning(before, x)
+
+        def clear(s: float) -> float:
+            return float(exact((begin + s * (end - begin))[None])[0]) + ROUNDING
+
+        return touches(clear, lambda a, b: (b - a) * moved, undecided=False)
+
+    def turning(self, before: Array, x: Array) -> float:
+        """Bound how far corners go by turning from one state to the next [m]; a disc has none."""
+        return self._reach * float(abs(self._states.poses(x) - self._states.poses(before))[2]) if self._reach else 0.0
 
     def travel(self, before: Array, x: Array, begin: float, now: float) -> float:
         """Bound how far a robot goes from one state to the next and an obstacle meanwhile, together [m]."""
         moved = 0.0 if self._crowd is None else self._crowd.travel(begin, now)
-        return dist(x[self._position], before[self._position]) + moved
+        return dist(x[self._position], before[self._position]) + self.turning(before, x) + moved
 
     def _static(self, x: Array, enough: float = inf) -> float:
         free, place = self._disc

@@ -24,6 +24,7 @@ from pirrht.geometry.obstacle import Motion
 from pirrht.geometry.scene import ROUNDING, Scene
 from sim.mjcf import obstacles
 from sim.mjcf.edits import freeze, leave_out, loosen
+from sim.mjcf.footprint import footprint_of, rectangle_of, upright
 from sim.mjcf.library import Faults, compile_spec, delete, find, listed, parse, prefixed, refused, robot_names
 from sim.mjcf.obstacles import MOTION, Mask, geom_label, site_of
 from sim.mjcf.robot import Robot, read_robot
@@ -36,7 +37,7 @@ _FROM_ROBOT = (
     *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
     *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
 )  # options of the physics
-SMALLER = ", or choose a smaller --radius"
+SMALLER = ", or choose a smaller --radius or --footprint"
 DECOMPOSE = "`pirrht import MESH --decompose` makes convex parts of a mesh"
 DEFAULT = "puck"  # the robot of scenes that name none
 ABOUT = "pirrht_about"  # a sentence on the scene
@@ -96,15 +97,24 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         about, meant, defaults = faults.of(_custom, spec) or ("", DEFAULT, {})
     radius = defaults.get("radius") if task.radius is None else task.radius
     margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
-    robot = read_robot(task.robot or meant, radius, task.system, margin=margin)
+    shape = defaults.pop("footprint", None)
+    if task.footprint is not None or task.radius is not None:
+        shape = task.footprint
+    if task.footprint is not None and task.radius is not None:
+        raise OptionError("--footprint and --radius both say what the robot's shape is; leave one of them out")
+    footprint = None if shape is None else footprint_of(shape)
+    if footprint is not None:
+        radius = None
+    robot = read_robot(task.robot or meant, radius, task.system, footprint=footprint, margin=margin)
     with prefixed(f"{path}: "):
         model = _join(spec, robot, path)
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
         faults.of(_refuse_actuators, model, len(robot.command))
-        span = max(robot.height - robot.radius, 0.0), robot.height + robot.radius
-        solids = obstacles.read_obstacles(model, data, mine, span, faults)
+        solids = obstacles.read_obstacles(model, data, mine, robot.span, faults)
+        if not robot.footprint.is_disc:
+            solids = {geom: upright(solid, robot.span) for geom, solid in solids.items()}
         adapter = robot.system.adapter
         borders = faults.of(obstacles.read_workspace, model, data, task.workspace, adapter.dimension)
         goal = faults.of(adapter.goal, model, data, site_of(model, "goal"), task.goal)
@@ -117,9 +127,9 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         moving = obstacles.moved_geoms(model, motions)
         movers = obstacles.read_movers(model, data, motions, solids)
         values = Scene(
-            name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, robot_radius=robot.radius,
+            name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, footprint=robot.footprint,
             obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
-            robot_height=robot.height, margin=max(robot.radius - robot.reach, 0.0), defaults=defaults,
+            robot_height=robot.footprint.height, margin=robot.margin, defaults=defaults,
         )  # fmt: skip
         if (left := _margin_left(values, margin, task, adapter.text(start))) is not None:
             return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
@@ -199,10 +209,10 @@ def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
         )
 
 
-def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
+def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, Any]]:
     """What a scene is about, the robot that it is meant for, and its defaults of options by their names."""
     texts, numerics = ({e.name: e for e in es if not e.name.startswith(MOTION)} for es in (spec.texts, spec.numerics))
-    options = {"pirrht_" + name.replace("-", "_"): name for name in NUMERICS}
+    options = {"pirrht_" + name.replace("-", "_"): name for name in (*NUMERICS, "footprint")}
     for kind, elements, known in (("text", texts, ("pirrht_robot", ABOUT)), ("numeric", numerics, options)):
         for name in elements:
             if name.startswith("pirrht_") and name not in known:
@@ -212,11 +222,15 @@ def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
     if (robot or DEFAULT) not in robot_names():
         like = suggestion(robot, robot_names())
         raise SceneError(f'custom text "pirrht_robot" is "{robot}"{like}; write one of {", ".join(robot_names())}')
-    defaults = {}
+    defaults: dict[str, Any] = {}
     for name in (name for name in numerics if name in options):
         label = f'custom numeric "{name}"'
         values = list(numerics[name].data)
 
+        if options[name] == "footprint":
+            with refused("", "", OptionError):
+                defaults["footprint"] = rectangle_of(values, label)
+            continue
         if len(values) != 1 or isnan(values[0]):
             raise SceneError(f"{label} is {values}; write one finite number")
         with refused("", "", OptionError):

@@ -1,14 +1,15 @@
-"""Robot files: what they must declare, and how a radius and a physics step are applied to them.
+"""Robot files: what they must declare, and how a radius, a footprint and a physics step are applied to them.
 
 Body `robot` is the root, at the origin. Slides along x and y [and a hinge about z] move it, whose positions are the
 state; or a free joint and wheels, which touch the robot's own infinite plane `ground` by contact pairs. The sphere
 geom `footprint` has the radius and height with which the robot plans: if it collides, another radius scales the whole
-robot, else whatever collides must lie inside it. Actuators are velocity servos tuned for the file's own timestep, or
-motors where velocities are states. The text `pirrht_dynamics` names a registered system; the numeric `pirrht_command`
-is, row by row, the (nu, k) matrix M of ctrl = M @ twist.
+robot, else whatever collides must lie inside it. Without it a robot with a heading plans as the hull of what collides,
+seen from above. Actuators are velocity servos tuned for the file's own timestep, or motors where velocities are states.
+The text `pirrht_dynamics` names a registered system; the numeric `pirrht_command` is, row by row, the (nu, k) matrix M
+of ctrl = M @ twist.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -17,7 +18,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.footprint import Footprint
 from pirrht.systems.dynamics import Dynamics
+from sim.mjcf.footprint import give_prism, of_geoms
 from sim.mjcf.library import compile_spec, find, parse, prefixed
 from sim.mjcf.obstacles import mesh_of
 from sim.states import StateAdapter, adapter_of
@@ -36,27 +39,38 @@ class Robot:
     spec: mujoco.MjSpec
     system: System  # its dynamics and states
     command: Array  # (nu, k) M of ctrl = M @ twist
-    radius: float  # of the footprint [m]
-    reach: float  # of what collides, off the footprint's centre [m]
-    height: float  # of the footprint's centre above the ground [m]
+    footprint: Footprint  # as which it plans, with the margin; its height is above the ground
+    margin: float  # part of the footprint by which it is larger than what collides [m]
+    span: tuple[float, float]  # least and greatest height at which it meets obstacles [m]
     rest: Array  # (nq,) joint positions at the origin, heading along x
     rolling: bool  # whether wheels carry it, instead of joints
     unfit: str = ""  # why MuJoCo cannot move it as a given system does
 
 
-def read_robot(which: str | Path, radius: float | None, system: System | None = None, *, margin: float = 0.0) -> Robot:
-    """The robot of that name or path, with its footprint changed to `radius` > 0 [m] and its system if they are given.
+def read_robot(
+    which: str | Path, radius: float | None, system: System | None = None, *, footprint: Footprint | None = None,
+    margin: float = 0.0,
+) -> Robot:  # fmt: skip
+    """The robot of that name or path, its radius > 0 [m] or its footprint and its system changed if they are given.
 
     By the margin [m] the footprint is larger than that, and than what collides.
     """
     path = find("robot", which)
     spec = parse(path)
+    if footprint is not None and footprint.is_disc:
+        radius, footprint = footprint.radius, None
     with prefixed(f"{path}: "):
         body, foot = _body_and_footprint(spec)
         moved = _declared_system(spec) if system is None else system
-        if radius is not None:
+        shape, span = _corners(spec, path, body, foot, footprint, radius)
+        if shape is not None and not moved.adapter.turns:
+            raise SceneError(
+                f"a footprint with corners needs a heading, and {moved.called} has none; choose a robot that has one, "
+                "such as the rover, or a disc (--radius)"
+            )
+        if foot is not None and radius is not None:
             _resize(spec, body, foot, radius)
-        if margin > 0.0:
+        if foot is not None and shape is None and margin > 0.0:
             _widen(body, foot, margin)
         model = compile_spec(spec, path)
         _check_place(model)
@@ -65,23 +79,59 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         # Another system may do without MuJoCo; the plant sees to it where it does not.
         if system is None and (wrong := unfit or _wrong_actuator(model, moved.adapter, moved.name)):
             raise SceneError(wrong)
+        if shape is None:
+            radius = float(model.geom("footprint").size[0])
+            height = float(model.geom("footprint").pos[2])
+            shape, span = Footprint.disc(radius, height=height), (max(height - radius, 0.0), height + radius)
+            margin = max(radius - _checked_reach(model), 0.0)
+        else:
+            shape = shape.grown(margin)
         return Robot(
-            name=path.stem, spec=spec, system=moved, reach=_checked_reach(model), command=command,
-            radius=float(model.geom("footprint").size[0]), height=float(model.geom("footprint").pos[2]),
+            name=path.stem, spec=spec, system=moved, footprint=shape, margin=margin, span=span, command=command,
             rest=moved.adapter.rest(model), rolling=moved.adapter.joints(model).rolls,
             unfit=unfit and f"{path}: {unfit}",
         )  # fmt: skip
 
 
-def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.MjsGeom]:
-    """Return the body `robot` of a file and the sphere geom `footprint` in it; SceneError: one of them is not there."""
+def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.MjsGeom | None]:
+    """Return the body `robot` of a file and the sphere geom `footprint` in it, if there is one.
+
+    SceneError: there is no body, or none of its geoms collides.
+    """
     body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
     foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
-    if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
+    solid = body is not None and any(g.contype or g.conaffinity for g in body.find_all("geom"))
+    if body is None or (foot is None and not solid) or (foot is not None and foot.type != _GEOM.mjGEOM_SPHERE):
         lacking = 'body "robot" in its worldbody' if body is None else 'sphere geom "footprint" in its body "robot"'
-        form = 'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear'
+        form = (
+            'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear, or one '
+            "with a heading and geoms that collide, whose hull keeps clear"
+        )
         raise SceneError(f"this file has no {lacking}; add it: {form}")
     return body, foot
+
+
+def _corners(
+    spec: mujoco.MjSpec, path: Path, body: mujoco.MjsBody, foot: mujoco.MjsGeom | None, given: Footprint | None,
+    radius: float | None,
+) -> tuple[Footprint | None, tuple[float, float]]:  # fmt: skip
+    """Return the shape of a robot with corners and its range of heights [m]: as given, else of a file without a disc.
+
+    A shape that is given is what collides from now on. None: the robot is a disc.
+    """
+    if given is None and foot is not None:
+        return None, (0.0, 0.0)
+    if foot is None:
+        if radius is not None:
+            raise SceneError("a robot with corners has no radius to change; give --footprint instead of --radius")
+        own, span = of_geoms(compile_spec(spec, path))
+        shape = own if given is None else given
+    elif given is not None:
+        shape, height = given, float(foot.pos[2])
+        span = max(height - shape.inscribed, 0.0), height + shape.inscribed
+    if given is not None:
+        give_prism(spec, body, given, span)
+    return replace(shape, height=0.5 * (span[0] + span[1])), span
 
 
 def _declared_system(spec: mujoco.MjSpec) -> System:

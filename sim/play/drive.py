@@ -21,10 +21,10 @@ from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.collision import Collision
 from sim.drive.executor import Advance, Control, Executor
 from sim.drive.metrics import Frame
 from sim.mjcf.edits import PREFIX
+from sim.mjcf.footprint import collision_of
 from sim.play.events import GOAL, Event, Move, Push
 from sim.scenario import Driver, Scenario
 
@@ -198,9 +198,11 @@ class InteractivePlant(Executor):
             pairs = zip(scene.obstacles, self._model.body_mocapid[bodies] == row, strict=True)
             obstacles = (replace(o, position=o.position + shift) if is_it else o for o, is_it in pairs)
             scene = replace(scene, obstacles=tuple(obstacles))
-        clearances = Collision(scene.world, scene.footprint).clearance(
-            np.array([x[states.position], scene.goal.center])
-        )
+        ends = np.array([x[states.position], scene.goal.center])
+        collision = collision_of(scene.world, scene.footprint)
+        clearances = collision.clearance(ends)
+        if not scene.footprint.is_disc:
+            clearances[0] = collision.clearance(states.poses(x[None]))[0]
         for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
             if clearance <= 0.0:
                 raise OptionError(f"the new place is on top of {place} or too close to it, so nothing moves")

@@ -129,6 +129,9 @@ def stage(subject: Subject, log: Log) -> None:
     looks = [((0, 0, 0.12), CONTROL, 0.022), ((0, 0, 0.07), OPTIMUM, 0.034)]
     origins, colors, radii = zip(*looks[: 1 + subject.look.truth], strict=True)
     log("/world/robot", rr.Arrows3D.from_fields(origins=origins, colors=colors, radii=radii))
+    if not scene.body.is_disc:
+        outline = lift(strokes.rings(scene.body, np.zeros((1, 3))), 0.03)
+        log("/world/robot/outline", rr.LineStrips3D(outline, radii=0.012, colors=[DRIVEN]))
     # An eye over the middle, north being up: Rerun fits the height of what it sees, whatever the width.
     wide, high = 2.0 * MARGIN * half
     size = 100.0 * np.array([wide, max(high, wide / NARROW)])

@@ -14,6 +14,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene, Waiver
 from pirrht.problem import Problem
 from sim.mjcf import load
+from sim.mjcf.footprint import collision_of
 from sim.scenario.risk import RiskSearch
 from sim.scenario.scenario import Scenario
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
@@ -107,8 +108,11 @@ def default_margin(scenario: Scenario) -> tuple[float, tuple[Waiver, ...]]:
     space = scenario.space
     scene = scenario.space.scene
 
-    start = scene.start[scenario.system.adapter.position]
+    states = scenario.system.adapter
+    start = scene.start[states.position]
     ends = space.collision.clearance(np.array([start, scene.goal.center]))
+    if not scene.footprint.is_disc:
+        ends[0] = collision_of(scene.world, scene.footprint).clearance(scene.start[None])[0]
     if scene.goal is not problem.scene.goal:  # its centre is covered, and plans lead to what is free with the margin
         ends = ends[:1]
     if scene.movers:

@@ -146,6 +146,10 @@ class StateAdapter(ABC):
         """Return positions in pictures in space, (..., 3) [m], of states (..., n); robots on the ground at a height."""
 
     @abstractmethod
+    def poses(self, states: Array) -> Array:
+        """Return poses seen from above, x, y and heading (..., 3) [m, m, rad], of states (..., n)."""
+
+    @abstractmethod
     def ahead(self, x: Array, y: Array) -> Array:
         """Return the way from state x (n,) to y (n,) in the frame of the robot at x, (3,) [m]."""
 

@@ -107,6 +107,11 @@ class Plane(StateAdapter):
         """Return x, y and the height, (..., 3)."""
         return np.concatenate([states[..., :2], np.broadcast_to(height, states.shape[:-1])[..., None]], axis=-1)
 
+    def poses(self, states: Array) -> Array:
+        """Return x, y and heading, which is 0 of what has none."""
+        heading = np.zeros(states.shape[:-1]) if self.heading is None else states[..., self.heading]
+        return np.concatenate([states[..., :2], heading[..., None]], axis=-1)
+
     def ahead(self, x: Array, y: Array) -> Array:
         """Return the way, turned back by the heading at x."""
         dx, dy = y[:2] - x[:2]
