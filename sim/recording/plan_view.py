@@ -40,8 +40,7 @@ BODY = (*MOVER, 20)
 WALL = (*BORDER, 12)
 ARRIVAL = (*GOAL, 16)
 
-_NONE = np.empty((0, 3))
-NO_FAN = Fan(strips=np.empty((0, 2, 3), np.float32), moments=np.empty((0, 2)), opacity=np.empty(0), ends=_NONE)
+NO_FAN = Fan(
     strips=np.empty((0, 2, 3), np.float32), moments=np.empty((0, 2)), opacity=np.empty(0), ends=np.empty((0, 3))
 )
 
