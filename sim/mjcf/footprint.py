@@ -127,6 +127,30 @@ def give_prism(spec: mujoco.MjSpec, body: mujoco.MjsBody, footprint: Footprint, 
         geom.conaffinity = 0
 
 
+def fit_looks(spec: mujoco.MjSpec, body: mujoco.MjsBody, own: Footprint, other: Footprint) -> None:
+    """Scale and move what is drawn of a robot from its own footprint into another one; wheels that roll stay."""
+    free = any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in body.joints)
+    if free or not body.explicitinertial:  # geoms may be its mass
+        return
+    low, high = other.hull.min(axis=0), other.hull.max(axis=0)
+    ratio = float(np.min((high - low) / np.ptp(own.hull, axis=0)))
+    shift = np.append(0.5 * (low + high) - 0.5 * ratio * (own.hull.min(axis=0) + own.hull.max(axis=0)), 0.0)
+    outer = [*body.geoms, *body.bodies]
+    for mesh in spec.meshes:
+        mesh.scale = ratio * np.asarray(mesh.scale)
+    for part in (*body.find_all("geom"), *body.find_all("body")):
+        if part.name == "footprint":
+            continue
+        moved = shift if any(part is one or part == one for one in outer) else np.zeros(3)
+        ends = getattr(part, "fromto", np.full(6, np.nan))
+        if hasattr(part, "size"):
+            part.size = ratio * np.asarray(part.size)
+        if ends[0] == ends[0]:  # not a number where a geom has no ends
+            part.fromto = ratio * np.asarray(ends) + np.tile(moved, 2)
+        else:
+            part.pos = ratio * np.asarray(part.pos) + moved
+
+
 def _color(body: mujoco.MjsBody) -> list[float]:
     """Return the colour of a body's first geom that names one."""
     named = (list(geom.rgba[:3]) for geom in body.find_all("geom"))

@@ -20,7 +20,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.footprint import Footprint
 from pirrht.systems.dynamics import Dynamics
-from sim.mjcf.footprint import give_prism, of_geoms
+from sim.mjcf.footprint import fit_looks, give_prism, of_geoms
 from sim.mjcf.library import compile_spec, find, parse, prefixed
 from sim.mjcf.obstacles import mesh_of
 from sim.states import StateAdapter, adapter_of
@@ -121,17 +121,16 @@ def _corners(
     """
     if given is None and foot is not None:
         return None, (0.0, 0.0)
-    if foot is None:
-        if radius is not None:
-            raise SceneError("a robot with corners has no radius to change; give --footprint instead of --radius")
-        own, span = of_geoms(compile_spec(spec, path))
-        shape = own if given is None else given
-    elif given is not None:
-        shape, height = given, float(foot.pos[2])
-        span = max(height - shape.inscribed, 0.0), height + shape.inscribed
+    if foot is None and radius is not None:
+        raise SceneError("a robot with corners has no radius to change; give --footprint instead of --radius")
+    own, span = of_geoms(compile_spec(spec, path))
     if given is not None:
+        if foot is not None:
+            height = float(foot.pos[2])
+            span = max(height - given.inscribed, 0.0), height + given.inscribed
+        fit_looks(spec, body, own, given)
         give_prism(spec, body, given, span)
-    return replace(shape, height=0.5 * (span[0] + span[1])), span
+    return replace(given or own, height=0.5 * (span[0] + span[1])), span
 
 
 def _declared_system(spec: mujoco.MjSpec) -> System:
