@@ -46,7 +46,7 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     rows = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
     for reference in references if not scene.body.is_disc else ():
-        poses = headed(reference.trajectory.points, GHOSTS)
+        poses = headed(reference.trajectory.points, GHOSTS + 1)[1:]  # the start is drawn already
         outlined(axes, rings(scene.body, poses), colors[reference.id], 0.8, zorder=5)
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
     lines = [r.trajectory.points for r in references]

@@ -95,7 +95,7 @@ class ClearanceChecker:
         moved = dist(before[self._position], x[self._position]) + self.turning(before, x)
 
         def clear(s: float) -> float:
-            return float(exact((begin + s * (end - begin))[None])[0]) + ROUNDING
+            return float(exact((begin + s * (end - begin))[None])[0])  # never less than 0
 
         return touches(clear, lambda a, b: (b - a) * moved, undecided=False)
 
