@@ -31,6 +31,7 @@ FORM = f"LENGTHxWIDTH[@OFFSET] in m, as in 1.0x0.4 or 4.5x1.8@1.35, or one of {'
 _NUMBER = r"(\d+\.?\d*|\.\d+)"
 _TEXT = re.compile(rf"{_NUMBER}x{_NUMBER}(?:@([+-]?{_NUMBER}))?")
 _GEOM = mujoco.mjtGeom
+Span = tuple[float, float]  # least and greatest height [m]
 _RING = 32  # corners around what is round
 _UPRIGHT = 1 - 1e-9
 PRISM = "prism"  # the geom with which a robot with corners collides
@@ -63,8 +64,13 @@ def collision_of(world: Workspace, footprint: Footprint) -> Collision:
     return Collision(world, footprint) if footprint.is_disc else HullCollision(world, footprint)
 
 
-def of_geoms(model: mujoco.MjModel) -> tuple[Footprint, tuple[float, float]]:
-    """Return the hull of a robot's colliding geoms seen from above, and their least and greatest height [m]."""
+def span_of(footprint: Footprint) -> Span:
+    """Return the least and greatest height at which a robot meets obstacles [m], from the ground on."""
+    return max(footprint.height - footprint.inscribed, 0.0), footprint.height + footprint.inscribed
+
+
+def of_geoms(model: mujoco.MjModel) -> tuple[Footprint, Span]:
+    """Return the hull of a robot's colliding geoms seen from above, and their heights [m]."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
@@ -73,10 +79,9 @@ def of_geoms(model: mujoco.MjModel) -> tuple[Footprint, tuple[float, float]]:
     points = np.vstack([_corners(model, data, geom) for geom in solid])
     hull = points[ConvexHull(points[:, :2]).vertices, :2]
     try:
-        footprint = Footprint.polygon(hull)
+        return Footprint.polygon(hull), (float(points[:, 2].min()), float(points[:, 2].max()))
     except SceneError as error:
         raise SceneError(f"the hull of the robot's colliding geoms: {error}") from None
-    return footprint, (float(points[:, 2].min()), float(points[:, 2].max()))
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array:
@@ -103,7 +108,7 @@ def _corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array:
     return np.asarray(data.geom_xpos[geom] + own @ turn.T)
 
 
-def give_prism(spec: mujoco.MjSpec, body: mujoco.MjsBody, footprint: Footprint, span: tuple[float, float]) -> None:
+def give_prism(spec: mujoco.MjSpec, body: mujoco.MjsBody, footprint: Footprint, span: Span) -> None:
     """Let a robot collide with the upright prism of its footprint alone, over a range of heights [m]."""
     solid = [geom for geom in body.find_all("geom") if geom.contype or geom.conaffinity]
     middle, half = 0.5 * (span[0] + span[1]), 0.5 * (span[1] - span[0])
@@ -157,7 +162,7 @@ def _color(body: mujoco.MjsBody) -> list[float]:
     return next((rgb for rgb in named if not np.allclose(rgb, 0.5)), [0.5, 0.5, 0.5])
 
 
-def upright(obstacle: Obstacle, span: tuple[float, float]) -> Obstacle:
+def upright(obstacle: Obstacle, span: Span) -> Obstacle:
     """Return what an upright prism over a range of heights [m] meets of an obstacle that reaches into it, as upright.
 
     Boxes and meshes become prisms of their outline, upright cylinders and balls cylinders; what is round and lies askew

@@ -20,11 +20,12 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Motion
 from pirrht.geometry.scene import ROUNDING, Scene
 from sim.mjcf import obstacles
 from sim.mjcf.edits import freeze, leave_out, loosen
-from sim.mjcf.footprint import footprint_of, rectangle_of, upright
+from sim.mjcf.footprint import footprint_of, rectangle_of
 from sim.mjcf.library import Faults, compile_spec, delete, find, listed, parse, prefixed, refused, robot_names
 from sim.mjcf.obstacles import MOTION, Mask, geom_label, site_of
 from sim.mjcf.robot import Robot, read_robot
@@ -95,16 +96,8 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     with prefixed(f"{path}: "):
         motions, notes = _edited(spec, task, path, loose=loose)
         about, meant, defaults = faults.of(_custom, spec) or ("", DEFAULT, {})
-    radius = defaults.get("radius") if task.radius is None else task.radius
+    radius, footprint = _shape(task, defaults)
     margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
-    shape = defaults.pop("footprint", None)
-    if task.footprint is not None or task.radius is not None:
-        shape = task.footprint
-    if task.footprint is not None and task.radius is not None:
-        raise OptionError("--footprint and --radius both say what the robot's shape is; leave one of them out")
-    footprint = None if shape is None else footprint_of(shape)
-    if footprint is not None:
-        radius = None
     robot = read_robot(task.robot or meant, radius, task.system, footprint=footprint, margin=margin)
     with prefixed(f"{path}: "):
         model = _join(spec, robot, path)
@@ -112,9 +105,8 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         mujoco.mj_kinematics(model, data)
         mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
         faults.of(_refuse_actuators, model, len(robot.command))
-        solids = obstacles.read_obstacles(model, data, mine, robot.span, faults)
-        if not robot.footprint.is_disc:
-            solids = {geom: upright(solid, robot.span) for geom, solid in solids.items()}
+        met = obstacles.read_obstacles(model, data, mine, robot.span, faults)
+        solids = {geom: robot.meets(solid) for geom, solid in met.items()}
         adapter = robot.system.adapter
         borders = faults.of(obstacles.read_workspace, model, data, task.workspace, adapter.dimension)
         goal = faults.of(adapter.goal, model, data, site_of(model, "goal"), task.goal)
@@ -144,6 +136,19 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         meant=read_robot(meant, None).system.name if task.robot or task.system is not None else robot.system.name,
         notes=tuple(note for note in notes if note), unfit=robot.unfit, margin=margin,
     )  # fmt: skip
+
+
+def _shape(task: SceneOptions, defaults: dict[str, Any]) -> tuple[float | None, Footprint | None]:
+    """Return the radius [m] of a robot, or its footprint with corners, as a task or else a scene has it; else None."""
+    of_scene = defaults.pop("footprint", None)
+    if task.footprint is not None and task.radius is not None:
+        raise OptionError("--footprint and --radius both say what the robot's shape is; leave one of them out")
+    if task.radius is not None:
+        return task.radius, None
+    shape = of_scene if task.footprint is None else footprint_of(task.footprint)
+    if shape is None:
+        return defaults.get("radius"), None
+    return (shape.radius, None) if shape.is_disc else (None, shape)
 
 
 def _edited(

@@ -19,8 +19,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.obstacle import Obstacle
 from pirrht.systems.dynamics import Dynamics
-from sim.mjcf.footprint import fit_looks, give_prism, of_geoms
+from sim.mjcf.footprint import Span, fit_looks, give_prism, of_geoms, span_of, upright
 from sim.mjcf.library import compile_spec, find, parse, prefixed
 from sim.mjcf.obstacles import mesh_of
 from sim.states import StateAdapter, adapter_of
@@ -41,10 +42,14 @@ class Robot:
     command: Array  # (nu, k) M of ctrl = M @ twist
     footprint: Footprint  # as which it plans, with the margin; its height is above the ground
     margin: float  # part of the footprint by which it is larger than what collides [m]
-    span: tuple[float, float]  # least and greatest height at which it meets obstacles [m]
+    span: Span  # least and greatest height at which it meets obstacles [m]
     rest: Array  # (nq,) joint positions at the origin, heading along x
     rolling: bool  # whether wheels carry it, instead of joints
     unfit: str = ""  # why MuJoCo cannot move it as a given system does
+
+    def meets(self, obstacle: Obstacle) -> Obstacle:
+        """Return an obstacle as plans see it: for a robot with corners upright over its heights."""
+        return obstacle if self.footprint.is_disc else upright(obstacle, self.span)
 
 
 def read_robot(
@@ -53,39 +58,27 @@ def read_robot(
 ) -> Robot:  # fmt: skip
     """The robot of that name or path, its radius > 0 [m] or its footprint and its system changed if they are given.
 
-    By the margin [m] the footprint is larger than that, and than what collides.
+    A footprint is one with corners. By the margin [m] it, or the disc, is larger than that, and than what collides.
     """
     path = find("robot", which)
     spec = parse(path)
-    if footprint is not None and footprint.is_disc:
-        radius, footprint = footprint.radius, None
     with prefixed(f"{path}: "):
         body, foot = _body_and_footprint(spec)
         moved = _declared_system(spec) if system is None else system
-        shape, span = _corners(spec, path, body, foot, footprint, radius)
-        if shape is not None and not moved.adapter.turns:
-            raise SceneError(
-                f"a footprint with corners needs a heading, and {moved.called} has none; choose a robot that has one, "
-                "such as the rover, or a disc (--radius)"
-            )
-        if foot is not None and radius is not None:
-            _resize(spec, body, foot, radius)
-        if foot is not None and shape is None and margin > 0.0:
-            _widen(body, foot, margin)
-        model = compile_spec(spec, path)
+        if footprint is not None or foot is None:
+            shape, span = _corners(spec, path, body, foot, footprint, radius, moved)
+            shape = shape.grown(margin)
+            model = compile_spec(spec, path)
+        else:
+            model = _disc(spec, path, body, foot, radius, margin)
+            shape, margin = _checked_disc(model)
+            span = span_of(shape)
         _check_place(model)
         unfit = moved.adapter.unfit(model, moved.name)
         command = _command(spec, int(model.nu), moved.twists if system is None else None)
         # Another system may do without MuJoCo; the plant sees to it where it does not.
         if system is None and (wrong := unfit or _wrong_actuator(model, moved.adapter, moved.name)):
             raise SceneError(wrong)
-        if shape is None:
-            radius = float(model.geom("footprint").size[0])
-            height = float(model.geom("footprint").pos[2])
-            shape, span = Footprint.disc(radius, height=height), (max(height - radius, 0.0), height + radius)
-            margin = max(radius - _checked_reach(model), 0.0)
-        else:
-            shape = shape.grown(margin)
         return Robot(
             name=path.stem, spec=spec, system=moved, footprint=shape, margin=margin, span=span, command=command,
             rest=moved.adapter.rest(model), rolling=moved.adapter.joints(model).rolls,
@@ -113,24 +106,40 @@ def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.Mjs
 
 def _corners(
     spec: mujoco.MjSpec, path: Path, body: mujoco.MjsBody, foot: mujoco.MjsGeom | None, given: Footprint | None,
-    radius: float | None,
-) -> tuple[Footprint | None, tuple[float, float]]:  # fmt: skip
-    """Return the shape of a robot with corners and its range of heights [m]: as given, else of a file without a disc.
-
-    A shape that is given is what collides from now on. None: the robot is a disc.
-    """
-    if given is None and foot is not None:
-        return None, (0.0, 0.0)
-    if foot is None and radius is not None:
+    radius: float | None, system: System,
+) -> tuple[Footprint, Span]:  # fmt: skip
+    """Return shape and heights [m] of a robot with corners, as given, else of what collides; a given one does then."""
+    if radius is not None:
         raise SceneError("a robot with corners has no radius to change; give --footprint instead of --radius")
+    if not system.adapter.turns:
+        raise SceneError(
+            f"a footprint with corners needs a heading, and {system.called} has none; choose a robot that has one, "
+            "such as the rover, or a disc (--radius)"
+        )
     own, span = of_geoms(compile_spec(spec, path))
+    if given is not None and foot is not None:
+        span = span_of(replace(given, height=float(foot.pos[2])))
     if given is not None:
-        if foot is not None:
-            height = float(foot.pos[2])
-            span = max(height - given.inscribed, 0.0), height + given.inscribed
         fit_looks(spec, body, own, given)
         give_prism(spec, body, given, span)
     return replace(given or own, height=0.5 * (span[0] + span[1])), span
+
+
+def _disc(
+    spec: mujoco.MjSpec, path: Path, body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float | None, margin: float
+) -> mujoco.MjModel:
+    """Return the model of a robot whose disc has another radius, if one is given, and a margin [m]."""
+    if radius is not None:
+        _resize(spec, body, foot, radius)
+    if margin > 0.0:
+        _widen(body, foot, margin)
+    return compile_spec(spec, path)
+
+
+def _checked_disc(model: mujoco.MjModel) -> tuple[Footprint, float]:
+    """Return the disc as which a robot plans, and by how much it is larger than what collides [m]."""
+    radius, height = float(model.geom("footprint").size[0]), float(model.geom("footprint").pos[2])
+    return Footprint.disc(radius, height=height), max(radius - _checked_reach(model), 0.0)
 
 
 def _declared_system(spec: mujoco.MjSpec) -> System:
