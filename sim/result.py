@@ -50,7 +50,7 @@ def plan_json(
         "nodes": tree.node_count, "pruned_classes": int(tree.graph.pruned[0]), "seconds": seconds,
         "fcl_calls": scenario.space.collision.calls, **_windings_json(scenario, references),
         "passages": passages_json(tree, references), **_risk(collision), "margin": scenario.margin,
-        "risk": scenario.settings.risk,
+        "risk": scenario.settings.risk, **footprint_json(scenario),
     }  # fmt: skip
 
 
