@@ -29,6 +29,7 @@ from sim.systems import System, named, names
 from sim.text import counted
 
 _GEOM = mujoco.mjtGeom
+NO_DISC = 'sphere geom "footprint" in its body "robot"'
 _INNER = ("type", "size", "pos", "group", "rgba", "contype", "conaffinity", "mass", "density")
 
 
@@ -95,13 +96,17 @@ def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.Mjs
     foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
     solid = body is not None and any(g.contype or g.conaffinity for g in body.find_all("geom"))
     if body is None or (foot is None and not solid) or (foot is not None and foot.type != _GEOM.mjGEOM_SPHERE):
-        lacking = 'body "robot" in its worldbody' if body is None else 'sphere geom "footprint" in its body "robot"'
-        form = (
-            'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear, or one '
-            "with a heading and geoms that collide, whose hull keeps clear"
-        )
-        raise SceneError(f"this file has no {lacking}; add it: {form}")
+        raise SceneError(_lacking('body "robot" in its worldbody' if body is None else NO_DISC))
     return body, foot
+
+
+def _lacking(element: str) -> str:
+    """Return why a file is no robot, which lacks an element."""
+    form = (
+        'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear, or one with a '
+        "heading and geoms that collide, whose hull keeps clear"
+    )
+    return f"this file has no {element}; add it: {form}"
 
 
 def _corners(
@@ -112,6 +117,8 @@ def _corners(
     if radius is not None:
         raise SceneError("a robot with corners has no radius to change; give --footprint instead of --radius")
     if not system.adapter.turns:
+        if given is None:
+            raise SceneError(_lacking(NO_DISC))
         raise SceneError(
             f"a footprint with corners needs a heading, and {system.called} has none; choose a robot that has one, "
             "such as the rover, or a disc (--radius)"

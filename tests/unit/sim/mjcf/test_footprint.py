@@ -100,7 +100,7 @@ def test_a_robot_without_a_disc_plans_as_the_hull_of_what_collides(tmp_path, wri
     assert load(scene_file(tmp_path), robot=file, footprint=CART).scene.footprint.is_rectangle
     assert "give --footprint" in refusal(scene_file(tmp_path), robot=file, radius=0.3)
     slides = write(file.read_text().replace('data="rover"', 'data="single_integrator"'), "sledge.xml")
-    assert "needs a heading" in refusal(scene_file(tmp_path), robot=slides)
+    assert 'no sphere geom "footprint"' in refusal(scene_file(tmp_path), robot=slides)
 
 
 def test_a_cart_that_turns_on_the_spot_hits_what_its_corners_reach(tmp_path):
