@@ -13,8 +13,7 @@ Moving obstacles are where their motions say at the end of each step, by the pla
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, dist, hypot, inf, sqrt
-from operator import lt
+from math import ceil, dist, inf, sqrt
 
 import mujoco
 import numpy as np
@@ -80,13 +79,17 @@ class ClearanceChecker:
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
         """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
-        way = x - before
-        length = hypot(*way[self._position])
-        if not self._static(x, length) > length and touches(
-            lambda s: self._static(before + s * way) + ROUNDING, lambda a, b: (b - a) * length, undecided=False
-        ):
+        start = before[self._position]
+        end = x[self._position]
+        there = end.tolist()
+        length = dist(start.tolist(), there)
+
+        def clear(s: float) -> float:
+            return self._static((start + s * (end - start)).tolist()) + ROUNDING
+
+        if not self._static(there, length) > length and touches(clear, lambda a, b: (b - a) * length, undecided=False):
             return self._exact is None or self._touching(before, x)
-        return self._crowd is not None and self._crowd.meets(before[self._position], begin, x[self._position], now)
+        return self._crowd is not None and self._crowd.meets(start, begin, end, now)
 
     def _touching(self, before: Array, x: Array) -> bool:
         """Check for anything between two states that touches a robot with corners."""
@@ -108,13 +111,12 @@ class ClearanceChecker:
         moved = 0.0 if self._crowd is None else self._crowd.travel(begin, now)
         return dist(x[self._position], before[self._position]) + self.turning(before, x) + moved
 
-    def _static(self, x: Array, enough: float = inf) -> float:
-        free, place = self._disc
-        here = x[self._position].tolist()
-        free = -inf if place is None else free - dist(here, place)
+    def _static(self, place: list[float], enough: float = inf) -> float:
+        free, known = self._disc
+        free = -inf if known is None else free - dist(place, known)
         if free < enough:
-            free = float(self._clearance(x[None, self._position])[0])
-            self._disc = free, here
+            free = float(self._clearance(np.array([place]))[0])
+            self._disc = free, place
         return free
 
 
@@ -217,8 +219,7 @@ class Plant:
             x = self._state = states[k] = self._move(x, u, noise[k], h)
             place = x[position].tolist()
             length += dist(place, last)
-            inside = all(map(lt, lower, place)) and all(map(lt, place, upper))
-            if not inside or self._touching(before, x):
+            if not _within(lower, place, upper) or self._touching(before, x):
                 outcome = Outcome.COLLISION
             elif dist(place, goal) <= scene.goal.radius:
                 outcome = Outcome.GOAL
@@ -235,6 +236,11 @@ class Plant:
 
     def _touching(self, before: Array, x: Array) -> bool:
         return self._checker.blocked(before, x, self.time - self.physics_step, self.time)
+
+
+def _within(lower: list[float], place: list[float], upper: list[float]) -> bool:
+    """Return whether a position lies strictly inside a box."""
+    return all(low < at < high for low, at, high in zip(lower, place, upper, strict=True))
 
 
 class Executor(Plant):

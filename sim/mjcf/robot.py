@@ -103,8 +103,8 @@ def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.Mjs
 def _lacking(element: str) -> str:
     """Return why a file is no robot, which lacks an element."""
     form = (
-        'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear, or one with a '
-        "heading and geoms that collide, whose hull keeps clear"
+        'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear, or one '
+        "with a heading and geoms that collide, whose hull keeps clear"
     )
     return f"this file has no {element}; add it: {form}"
 
