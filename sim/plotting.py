@@ -29,7 +29,6 @@ WIDE, HIGH = 36, 30  # characters of a line of the legend, and lines of one of i
 ENDINGS = (".png", ".pdf", ".svg")
 MOST, SHOWN = 8, 16  # moments on a map, and classes in a figure of lengths
 GHOSTS = 7  # outlines of a robot with corners along each reference
-INK: Color = (30, 34, 40)
 APART = 0.022  # from each other that numbers are at least, over the width of the map
 
 
@@ -96,8 +95,6 @@ def draw_scene(axes: Any, scenario: "Scenario") -> None:
     for mover in scene.movers if len(scene.movers) <= NAMED else ():
         x, y = mover.motion.pose(0.0)[:2]
         axes.text(x, y, maps.literal(mover.name), path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
-    if not scene.body.is_disc:
-        outlined(axes, rings(scene.body, scene.start[None]), INK, 1.4, zorder=6)
     states = scenario.system.adapter
     if (ahead := states.direction(scene.start)) is not None:
         start = states.above(scene.start)
