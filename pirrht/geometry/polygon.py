@@ -1,8 +1,8 @@
 """Free space of a convex footprint that turns with the heading: a member of `SpaceKernels`, by discs that cover it.
 
-The clearance at a pose (x, y, heading) is the least of that of all discs (`footprint.cover`), never too high. A circle
-around the reference point holds them all: far from walls its clearance will do. Walls are flat in (x, y, heading), with
-a part for the heading that is the lever of the disc they are next to.
+The clearance at a pose (x, y, heading) is the least of that of all discs of a cover, never too high. A circle around
+the reference point holds them all, and a few larger discs cover it less tightly: far from walls their clearance will do.
+Walls are flat in (x, y, heading), with a part for the heading that is the lever of the disc they are next to.
 """
 
 from __future__ import annotations
@@ -42,13 +42,15 @@ class PolygonNumbers(NamedTuple):
     """
 
     field: Field  # its border is that of the workspace, its grid reaches further
-    rows: int  # address of float64 (size, ROW), those that reach farthest first
-    size: int
+    rows: int  # address of float64 (size, ROW): a coarse cover, then a tight one, discs that reach farthest first
+    coarse: int  # rows of the coarse cover
+    size: int  # rows of both
     beyond: float  # radius of the circle around all discs [m]
     within: float  # radius of the footprint's inscribed disc [m]
     reach: float  # of the footprint: a turn moves its points by at most so much per radian [m/rad]
-    exact: float  # up to this clearance all discs count, above it the circle around them does [m]
-    excess: float  # by which a disc reaches beyond the footprint at most [m]
+    exact: float  # up to this clearance discs count, above it the circle around them does [m]
+    near: float  # up to this clearance of the coarse cover the tight one counts [m]
+    excess: float  # by which a disc of the tight one reaches beyond the footprint at most [m]
     spacing: float  # of the field [m]
 
 
@@ -65,28 +67,27 @@ class Polygon(PolygonNumbers):
 
         `members` are the indices of the obstacles that count. SceneError: the workspace is too large for the field.
         """
-        discs = cover(footprint, TUNING.cover_share * excess)
-        reaches = np.hypot(discs[:, 0], discs[:, 1]) + discs[:, 2]
-        least, most = float(discs[:, 2].min()), float(reaches.max())
+        tight = cover(footprint, TUNING.cover_share * excess)
+        coarse = cover(footprint, TUNING.coarse_cover * excess)
+        least = float(tight[:, 2].min())
+        rows = [_rows_of(discs, least) for discs in (coarse, tight)]
+        most = float(rows[0][0, 3]) + least
         wide = Workspace(world.lower - most, world.upper + most, world.obstacles, world.waivers)
         collision = Collision(wide, Footprint.disc(least, height=footprint.height))
         cells = max(TUNING.cells_per_disc, least / (TUNING.grain * excess))
-        whole = build_field(collision, members, cells=cells, fine=footprint.inscribed - least + TUNING.sure * excess)
+        sure = footprint.inscribed - least + TUNING.sure * excess
+        whole = build_field(collision, members, cells=cells, fine=sure)
         left, low = world.lower.tolist()
         right, high = world.upper.tolist()
         field = whole._replace(left=left, low=low, right=right, high=high)
         field.arrays, field.blocks = whole.arrays, whole.blocks
 
-        table = np.column_stack((discs[:, :2], discs[:, 2] - least, reaches - least))
-        return cls._holding(
-            np.ascontiguousarray(table[np.argsort(-table[:, 3], kind="stable")]), field=field, beyond=most - least,
+        table = np.concatenate(rows)
+        polygon = cls(
+            field=field, rows=table.ctypes.data, coarse=len(coarse), size=len(table), beyond=most - least,
             within=footprint.inscribed - least, reach=footprint.reach, exact=TUNING.exact_reach * footprint.reach,
-            excess=TUNING.cover_share * excess,
+            near=TUNING.tight * excess, excess=TUNING.cover_share * excess, spacing=field.spacing,
         )  # fmt: skip
-
-    @classmethod
-    def _holding(cls, table: Array, field: Field, **sizes: float) -> Polygon:
-        polygon = cls(field=field, rows=table.ctypes.data, size=len(table), spacing=field.spacing, **sizes)
         polygon.table = table
         return polygon
 
@@ -102,6 +103,13 @@ class Polygon(PolygonNumbers):
         return POLYGON
 
 
+def _rows_of(discs: Array, least: float) -> Array:
+    """Return rows of discs (k, 3), those that reach farthest first, with radii beyond the least one [m], (k, ROW)."""
+    reaches = np.hypot(discs[:, 0], discs[:, 1]) + discs[:, 2]
+    rows = np.column_stack((discs[:, :2], discs[:, 2] - least, reaches - least))
+    return np.ascontiguousarray(rows[np.argsort(-reaches, kind="stable")])
+
+
 @inlined
 def _disc(static, k, x, y, c, s):  # type: ignore[no-untyped-def]
     """Return where disc k is at a pose of heading (c, s), its place relative to (x, y), and its radius [m]."""
@@ -114,14 +122,16 @@ def _disc(static, k, x, y, c, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def nearest_disc(static, x, y, th, far, within):  # type: ignore[no-untyped-def]
-    """Return the least clearance of all discs from obstacles, if less than `within` [m], and which; else this, -1.
+def nearest_disc(static, begin, x, y, th, far, within):  # type: ignore[no-untyped-def]
+    """Return the least clearance of a cover from obstacles, if less than `within` [m], and its row; else this, -1.
+
+    Its rows `begin` at 0, of the coarse cover, or where that ends.
 
     `far` is the clearance of the least disc at (x, y); another place is not nearer to walls by more than its distance.
     """
     c, s = math.cos(th), math.sin(th)
     best, at = within, -1
-    for k in range(static.size):
+    for k in range(begin, static.size if begin else static.coarse):
         if far - load_float64(static.rows, ROW * k + 3) >= best:
             break
         px, py, _, _, radius = _disc(static, k, x, y, c, s)
@@ -138,7 +148,13 @@ def _from_obstacles(static, pose, within):  # type: ignore[no-untyped-def]
     far = interpolate(static.field, static.field.nearest, x, y)
     if far - static.beyond >= min(within, static.exact):
         return min(within, far - static.beyond)
-    return nearest_disc(static, x, y, th, far, within)[0]
+    return _of_covers(static, x, y, th, far, within)
+
+
+@kernel
+def _of_covers(static, x, y, th, far, within):  # type: ignore[no-untyped-def]
+    coarse, _ = nearest_disc(static, 0, x, y, th, far, within)
+    return coarse if coarse >= static.near else nearest_disc(static, static.coarse, x, y, th, far, within)[0]
 
 
 @inlined
@@ -201,9 +217,15 @@ def _with(static, walls, c, direction):  # type: ignore[no-untyped-def]
     return walls
 
 
-@kernel
+@inlined
 def walls(static, pose):  # type: ignore[no-untyped-def]
-    """Return the two nearest walls at a pose, border included, each as clearance [m] and direction.
+    """Return the two nearest walls at a pose, border included, by the coarse cover (`walls_of`)."""
+    return walls_of(static, 0, pose)
+
+
+@kernel
+def walls_of(static, begin, pose):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls of a cover at a pose, border included, each as clearance [m] and direction.
 
     The second is another wall, or the first as another corner of the footprint meets it.
     """
@@ -222,11 +244,11 @@ def walls(static, pose):  # type: ignore[no-untyped-def]
             d, direction = _wall_of(static, grid, -1, x, y, c, s)
             found = _with(static, found, d, direction)
         return found
-    nearest, at = nearest_disc(static, x, y, th, far, np.inf)
+    _, at = nearest_disc(static, begin, x, y, th, far, np.inf)
     for grid in (field.nearest, field.second):
         d, direction = _wall_of(static, grid, at, x, y, c, s)
         found = _with(static, found, d, direction)
-    for k in range(static.size):
+    for k in range(begin, static.size if begin else static.coarse):
         if far - load_float64(static.rows, ROW * k + 3) >= found[2]:
             break
         px, py, _, _, radius = _disc(static, k, x, y, c, s)
@@ -261,7 +283,8 @@ def refused(static, pose):  # type: ignore[no-untyped-def]
 
 @kernel
 def _refused(static, x, y, th):  # type: ignore[no-untyped-def]
-    _, at = nearest_disc(static, x, y, th, interpolate(static.field, static.field.nearest, x, y), np.inf)
+    far = interpolate(static.field, static.field.nearest, x, y)
+    _, at = nearest_disc(static, static.coarse, x, y, th, far, np.inf)
     px, py, _, _, radius = _disc(static, at, x, y, math.cos(th), math.sin(th))
     return BLOCKED if _farthest(static, px, py) < radius - static.excess else UNSURE
 
@@ -403,11 +426,11 @@ def _may_meet(before, after, square):  # type: ignore[no-untyped-def]
 @kernel
 def _meet_walls(static, pose, moved, before, after, cov, weighed, state):  # type: ignore[no-untyped-def]
     """Draw the next state, the share of a step at which a bridge meets a wall or NEVER, and log P(none)."""
-    c0, one, d0, other = walls(static, pose)
+    c0, one, d0, other = walls_of(static, static.coarse, pose)
     first = variance_along(one, cov)
     alive = 0.0
     if after > 0.0:
-        c1, same, d1, _ = walls(static, moved)
+        c1, same, d1, _ = walls_of(static, static.coarse, moved)
         if apart(static, one, same):  # another wall is nearest now
             c1, d1 = d1, c1
         alive = survival(c0, c1, first) * survival(d0, d1, variance_along(other, cov))
