@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.arcs import FREE, UNSURE, certify_point
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.disc import Disc
 from pirrht.geometry.field import Field, clearances
 from pirrht.geometry.fitting import fitted, margin_left
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.scene import Footprint, Goal, Scene
+from pirrht.geometry.space import FREE, UNSURE, Space, at_states
 from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components, continued
@@ -36,6 +38,7 @@ class FreeSpace:
     field: Field
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
     homology: Homology  # about static and moving obstacles, with bases at 1 m/s
+    static: Space  # where the footprint is free of static obstacles and border
     moving: Moving  # J moving obstacles, of which field and collision know nothing
 
     def __repr__(self) -> str:
@@ -70,13 +73,15 @@ class FreeSpace:
         markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
         homology = Homology(markers=markers, goal=scene.goal.center.astype(float), named=named)
         try:
-            field = build_field(collision, sorted(i for part in parts for i in part.members))
+            field = Disc.over(build_field(collision, sorted(i for part in parts for i in part.members)))
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
         homology = homology.with_moving(scene.movers, scene.footprint)
-        moving = moving_of(scene)
 
-        return cls(scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology, moving=moving)
+        return cls(
+            scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology,
+            static=static_of(scene.footprint, field), moving=moving_of(scene),
+        )  # fmt: skip
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
         """Return the space with another start (3,) [m, m, rad] or goal; nothing is sampled again.
@@ -103,12 +108,12 @@ class FreeSpace:
     @property
     def world(self) -> World:
         """Take the snapshot of what is free at (x, t), lengths in [m]."""
-        return World.of(self.field, self.scene.goal, self.moving)
+        return World.of(self.static, self.scene.goal, self.moving)
 
-    def free(self, x: Array) -> bool:
-        """Return whether the robot may be at a state x (n,), of which the position (2,) [m] is judged."""
-        status = certify_point(self.field, x[0], x[1])
-        return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, :2])[0]))
+    def free(self, x: Array, reads: tuple[int, ...] = (0, 1)) -> bool:
+        """Return whether the robot may be at a state x (n,), whose position, and heading if known, lie at indices."""
+        status = at_states(self.static.kernels, reads).certify(self.static, x)
+        return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, list(reads)])[0]))
 
     def segments_free(self, points: Array) -> bool:
         """Return whether the line through points (k, 2) [m] is free; FCL judges what the clearance leaves open."""
@@ -138,6 +143,14 @@ class FreeSpace:
     def clearance(self, position: Array) -> float:
         """Return FCL's clearance of the robot's centre at one position (2,) [m]."""
         return float(self.collision.clearance(position[None, :2])[0])
+
+
+MEMBERS: dict[type, Callable[[Any, Disc], Space]] = {Footprint: lambda footprint, field: field}
+
+
+def static_of(footprint: Any, field: Disc) -> Space:
+    """Make the static free space of a footprint by the member for its type, on the clearance field of its disc."""
+    return MEMBERS[type(footprint)](footprint, field)
 
 
 def moving_of(scene: Scene) -> Moving:

@@ -104,7 +104,8 @@ class Controller(Policy):
         run, settings, x = self.run, self.settings, self._state(x)
         self._update_prediction(x, TimeBudget(left, settings.tuning))
         gap = settings.tuning.off_walls * self.space.scene.robot_radius
-        x = self.path_integral.setup.world.off_walls(x, run.now, gap)
+        world = self.path_integral.setup.world
+        x = world.off_walls(x, self.problem.dynamics.reads(world.static.kernels.turns), run.now, gap)
         budget = TimeBudget(left, settings.tuning)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
             references = extract_references(self.tree, x, run, budget, settings, self.path_integral.threads)

@@ -44,30 +44,33 @@ class HeldLaw:
         moving = self.walls.moving
         s += self.step if moving.J else 0.0  # walls that move are judged where the step ends
         u = self.law(x, s)
-        c, nx, ny, d, mx, my = map(float, self.walls.walls(x, s, closest=-np.inf))
+        nearest, direction, other, opposite = self.walls.walls(x, s, closest=-np.inf)
+        c = float(nearest)
+        d = float(other)
         near = NEAR_WALL * self.deviation
         if c > near:
             return u
 
         most = THROW * self.deviation
-        away = np.array([nx, ny])
-        gap = nx * mx + ny * my < -0.5
+        away = np.array(direction, dtype=float)
+        gap = bool(away @ np.array(opposite, dtype=float) < -0.5)
 
         if gap:
             most = min(most, max(0.5 * (d - c), 0.0))
-        G = self.walls.problem.dynamics.G_c(x)[:2]
+        G = self.walls.gains(x)
+        place = self.walls.pose(x)[:2]
         wanted = thrown = self.step * float(away @ G @ u)
         if moving.J:
             drift = 1.0 / max(c, CLOSEST * self.deviation) - (1.0 / d if gap else 0.0)
             rest = thrown - self.deviation**2 * drift
-            for row in moving.walls(x[0], x[1], self.walls.time + s, near):
+            for row in moving.walls(*place, self.walls.time + s, near):
                 if row[0] <= c + SAME:
-                    rest -= self.step * float(row[3:5] @ away)
+                    rest -= self.step * float(row[3:5] @ away[:2])
             wanted -= min(rest, 0.0) * (1.0 - max(c, 0.0) / near)
         wanted = min(wanted, most)
         along = self.step * (G @ u) - thrown * away
         change = (wanted - thrown) * away
-        far = math.hypot(along[0], along[1])
+        far = math.hypot(*along)
 
         if far > THROW * self.deviation:  # a law that is rough at walls
             change += (THROW * self.deviation / far - 1.0) * along

@@ -11,7 +11,6 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.sampling import TUNING, EstimationTuning, Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
 from pirrht.problem import Problem
 from pirrht.proposals import wall_drift
@@ -74,7 +73,7 @@ class ProposalFactory:
             self.guidance.warm_up(x)
         if self.climbs or self.climbs_too:
             self.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
-        clearance(self.space.field, x[0], x[1])
+        self.world.setup.world.clearance(self._pose(x))
 
     def controls(
         self, x: Array, times: Array, trajectories: Sequence[Trajectory], *, drops: bool
@@ -116,8 +115,9 @@ class ProposalFactory:
     def push(self, tables: ProposalTables, x: Array, time: float = 0.0) -> WallDrift:
         """Return the wall drift (m,), for any state (n,), near samples of these tables from x (n,) and a time on."""
         offset, slack = tables.wall_offset, 0.0
-        if offset > 0.0 and (known := float(clearance(self.space.field, x[0], x[1]))) < offset:
-            slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
+        static = self.space.static
+        if offset > 0.0 and (known := float(static.kernels.clearance(static, self._pose(x)))) < offset:
+            slack = max(0.0, self.space.clearance(np.array(self._pose(x))) - known)
         return self.wall_drift(offset, float(tables.times[1]), slack, time)
 
     def near_walls(self, tables: ProposalTables, x: Array, time: float) -> NearWalls:
@@ -130,7 +130,7 @@ class ProposalFactory:
     def wall_drift(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         """Return the wall drift for an offset [m] and steps [s], where clearance is `slack` [m] too low."""
         return WallDrift(
-            problem=self.problem, field=self.space.field, offset=offset, step=step, behind=self.set_back, slack=slack,
+            problem=self.problem, static=self.space.static, offset=offset, step=step, behind=self.set_back, slack=slack,
             moving=self.world.setup.world.moving, time=time,
         )  # fmt: skip
 
@@ -138,10 +138,15 @@ class ProposalFactory:
         """Return the scales at x (n,), which are constant if G, B and R are."""
         return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
 
-    def _from_goal(self, x: Array) -> Array:
-        """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""
-        (gx, gy), radius = self.world.setup.world.goal, self.world.setup.world.radius
-        return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - radius)
+    def _pose(self, x: Array) -> tuple[float, ...]:
+        """Take the pose of a state (n,) that the space reads."""
+        return tuple(x[list(self.problem.dynamics.reads(self.space.static.kernels.turns))].tolist())
+
+    def _from_goal(self, places: Array) -> Array:
+        """Return the distances of places (..., 2) [m] from the goal's disc, (...) [m], negative inside."""
+        world = self.world.setup.world
+        away = places - np.array(world.goal)
+        return np.asarray(np.hypot(away[..., 0], away[..., 1]) - world.radius)
 
     def _set_back(self, x: Array) -> tuple[float, World]:
         """Return how far behind walls psi vanishes where exits are judged at the ends of steps [m], and that arena.
@@ -154,7 +159,7 @@ class ProposalFactory:
             return 0.0, arena
         distance = 0.5826 * math.sqrt(self.scales(x).noise * self.sampling.dt)
         radius = max(arena.radius - distance, self.tuning.rim * arena.radius)
-        return distance, arena._replace(field=set_back(arena.field, distance), radius=radius)
+        return distance, arena._replace(static=arena.static.set_back(distance), radius=radius)
 
     def tables(self, batch: Batch) -> ProposalTables:
         """Return the tables of a batch in the predicted world; other numbers of samples alone reuse the last ones."""
@@ -182,7 +187,7 @@ class ProposalFactory:
         scales, moving = self.scales(x), self.world.moving
         near = np.inf
         if self.pointlike:
-            near = min(setup.world.clearance(x[0], x[1], batch.time), float(self._from_goal(x)))
+            near = min(setup.world.clearance(self._pose(x), batch.time), float(self._from_goal(d.place(x))))
         move = (
             self.tuning.least_move * self.problem.scene.robot_radius if moving and self.traits.noisy_position else 0.0
         )
@@ -220,7 +225,7 @@ class ProposalFactory:
 
 def _places(guide: DDPGuide, times: Array) -> Array:
     """Return places (k, 2) [m] of a guide at times (k,) [s] since the plan."""
-    return np.stack([np.interp(times, guide.times, column) for column in guide.states.T[:2]], axis=1)
+    return np.stack([np.interp(times, guide.times, column) for column in guide.dynamics.place(guide.states).T], axis=1)
 
 
 def _bends(line: Array, most: float) -> Array:

@@ -7,7 +7,8 @@ a wall or the goal ends there. Sweeps in place, in alternating directions, go on
 """
 
 import math
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -16,10 +17,9 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact.grid import TUNING, Frame, Progress, Settling, cubic, frame_at, in_goal, interpolate
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.field import clearance
+from pirrht.geometry.space import GOAL, INSIDE, SpaceKernels, pose_at
 from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
-from pirrht.rollouts.first_exit import GOAL, INSIDE, sweep_exit
 from pirrht.systems.unicycle import Unicycle
 
 
@@ -70,7 +70,7 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, _: float | None,
     ceiling = min(problem.phi, TUNING.worst_path * problem.q * float(np.sum(scene.upper - scene.lower)) / d.V)
     rays = Rays(np.full(shape, np.nan), problem.q * tau, problem.temperature, ceiling)
     frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
-    _trace(space.world, frame, rays)
+    tracing(space.static.kernels, d.reads(space.static.kernels.turns))(space.world, frame, rays)
     value = np.where(rays.ended == 0.0, 0.0, ceiling)
     blocked = rays.ended[:, :, 0] < 0.0
     i, j = distance_transform_edt(blocked, return_distances=False, return_indices=True)[:, blocked]
@@ -101,25 +101,42 @@ def _taps(deviation: float, tau: float, headings: int) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-@kernel
-def _trace(arena, frame, rays):  # type: ignore[no-untyped-def]
-    """Trace the ray from every point, for `rays.ended`."""
-    (nx, ny, nt), length = rays.ended.shape, TUNING.ray * frame.spacing
-    for i in range(nx):
-        for j in range(ny):
-            x = frame.x0 + i * frame.spacing
-            y = frame.y0 + j * frame.spacing
+@cache
+def tracing(space: SpaceKernels, reads: tuple[int, ...]) -> Any:
+    """Build the kernel (arena, frame, rays) that traces rays, by kernels of a footprint and what they read of a car."""
+    sweep, clearance = space.sweep, space.clearance
+    pose, headings = pose_at(reads), space.turns
 
-            if clearance(arena.field, x, y) <= 0.0:
-                rays.ended[i, j, :] = -1.0
-            elif in_goal(frame, (x, y)):
-                rays.ended[i, j, :] = 0.0
-            else:
-                for k in range(nt):
-                    th = 2.0 * math.pi * k / nt
-                    end, share, _ = sweep_exit(arena, x, y, x + length * math.cos(th), y + length * math.sin(th))
-                    if end != INSIDE:
-                        rays.ended[i, j, k] = share * rays.cost if end == GOAL else rays.ceiling
+    @kernel
+    def fits(arena, x, y, count):  # type: ignore[no-untyped-def]
+        """Check whether the robot may be at a place at one of so many headings."""
+        for k in range(count if headings else 1):
+            if clearance(arena.static, pose((x, y, 2.0 * math.pi * k / count))) > 0.0:
+                return True
+        return False
+
+    @kernel
+    def trace(arena, frame, rays):  # type: ignore[no-untyped-def]
+        """Trace the ray from every point, for `rays.ended`."""
+        (nx, ny, nt), length = rays.ended.shape, TUNING.ray * frame.spacing
+        for i in range(nx):
+            for j in range(ny):
+                x = frame.x0 + i * frame.spacing
+                y = frame.y0 + j * frame.spacing
+
+                if not fits(arena, x, y, nt):
+                    rays.ended[i, j, :] = -1.0
+                elif in_goal(frame, (x, y)):
+                    rays.ended[i, j, :] = 0.0
+                else:
+                    for k in range(nt):
+                        th = 2.0 * math.pi * k / nt
+                        ahead = (x + length * math.cos(th), y + length * math.sin(th), th)
+                        end, share, _ = sweep(arena, pose((x, y, th)), pose(ahead), 0.0, 0.0)
+                        if end != INSIDE:
+                            rays.ended[i, j, k] = share * rays.cost if end == GOAL else rays.ceiling
+
+    return trace
 
 
 @kernel

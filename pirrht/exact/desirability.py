@@ -28,8 +28,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.grid import TUNING, Progress, frame_at, ignore_progress
 from pirrht.exact.paths import Process, walker
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.space import COLLISION, GOAL, at_states
 from pirrht.problem import Problem
-from pirrht.rollouts.first_exit import COLLISION, GOAL
 from pirrht.steering.in_time import homology_of
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -208,7 +208,7 @@ class Desirability:
         x0 = np.append(x, t).astype(float)
 
         process = Process(
-            field=self.space.field, frame=frame_at(np.zeros(2), self.spacing, self.space.scene.goal),
+            static=self.space.static, frame=frame_at(np.zeros(2), self.spacing, self.space.scene.goal),
             parameters=np.asarray(d.parameters, dtype=float), rate=d.G_c(x0[:-1]) @ self.gain, B=d.B_c(x0[:-1]),
             wall=self.problem.phi / self.problem.temperature, step=step,
             shortest=TUNING.shortest_path_step if margin is None else step, margin=margin or 0.0, gap=self.gap,
@@ -217,7 +217,8 @@ class Desirability:
         turns = np.zeros((samples, homology.M))
         ends = np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
-        walk = walker(self.evaluate, d.drift, how, self.moves)
+        kernels = self.space.static.kernels
+        walk = walker(self.evaluate, d.drift, how, self.moves, at_states(kernels, d.reads(kernels.turns)))
         walk(self.grid, process, homology.markers, homology.tracks, x0, seed, turns, ends, outcome)
         return homology, turns, ends, outcome
 
@@ -243,10 +244,11 @@ class Optimal(Policy):
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
         now, world = self.run.time, self.path_integral.setup.world
         gap = self.desirability.gap
+        reads = self.path_integral.problem.dynamics.reads(world.static.kernels.turns)
 
         def optimal(state: Array, since: float = 0.0) -> Array:
             t = now + since
-            return self.desirability.control(world.off_walls(state, t, gap), t)
+            return self.desirability.control(world.off_walls(state, reads, t, gap), t)
 
         law: Law = optimal
         proposals = self.path_integral.proposals

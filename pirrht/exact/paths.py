@@ -18,17 +18,16 @@ from pirrht.control.held import NEAR_WALL, THROW
 from pirrht.exact.boundaries import clearance_at, poses_at
 from pirrht.exact.grid import TUNING, Frame, in_goal
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.field import clearance
+from pirrht.geometry.space import COLLISION, GOAL, INSIDE, StateKernels
 from pirrht.jit.jit import as_jitable, kernel
 from pirrht.jit.streams import normals, stream, uniform
-from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
 from pirrht.topology.tracks import turns_of_step
 
 
 class Process(NamedTuple):
     """The controlled process, and steps of paths of it."""
 
-    field: Any  # clearance `Field`, unused among moving obstacles
+    static: Any  # free space of the footprint, unused among moving obstacles
     frame: Frame  # of the goal's disc
     parameters: Array  # (k,) that the drift reads
     rate: Array  # lambda G_c R^-1 G_c', (m, m) [state/s per nats/state]
@@ -41,19 +40,20 @@ class Process(NamedTuple):
 
 
 @cache
-def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> Any:
+def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool, states: StateKernels) -> Any:
     """Build the kernel (grid, `Process`, markers (M, 2) [m], J tracks, x0, seed, turns, x, outcome) that draws paths.
 
     Turns (S, M + J) [turns], zeros before, are about markers and tracks; x (S, n + 1) and outcomes (S,) are ends of
-    paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s]; `how` is continuous, stepwise or held.
+    paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s]; `how` is continuous, stepwise or held;
+    `states` are the footprint's at states of the system.
     """
-    move = as_jitable(drift)
+    move, clearance = as_jitable(drift), states.clearance
 
     @kernel
     def clear(grid, process, x):  # type: ignore[no-untyped-def]
         if moves:
             return clearance_at(grid.domain, poses_at(grid.domain.solids, x[-1]), x[0], x[1])
-        return clearance(process.field, x[0], x[1])
+        return clearance(process.static, x)
 
     @kernel
     def end(grid, process, x):  # type: ignore[no-untyped-def]

@@ -1,8 +1,7 @@
-"""Trace planar curves of arcs and straight pieces, find their entry of the goal and turns, certify that they are free.
+"""Trace planar curves of arcs and straight pieces, find their entry of the goal and turns.
 
 A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0. Entries and turns
-are exact: no curve is divided into steps. Clearance is 1-Lipschitz, so a disc of that radius about a free point is
-free. A march from disc to disc, each begun where the last one ended, certifies what it covers (paper, `ObstacleFree`).
+are exact: no curve is divided into steps.
 """
 
 import math
@@ -11,13 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.field import border, clearance, closest
-from pirrht.geometry.tuning import TUNING
-from pirrht.jit.jit import inlined, kernel, load_float32
+from pirrht.jit.jit import inlined, kernel
 
 TWO_PI = 2.0 * np.pi
-FREE, UNSURE, BLOCKED = 1, 0, -1
-LEAST_STEP = TUNING.least_step
 
 
 class Curves(NamedTuple):
@@ -151,61 +146,3 @@ def trace(start: Array, curvature: Array, length: Array, spacing: float) -> Arra
             points += [along(x, y, theta, kappa, total * i / parts)[:2] for i in range(1, parts + 1)]
             x, y, theta = along(x, y, theta, kappa, total)
     return np.array(points)
-
-
-@inlined
-def refused(field, x, y):  # type: ignore[no-untyped-def]
-    """Return BLOCKED or UNSURE for a point that is not certified; the nearest grid point bounds its clearance."""
-    if border(field, x, y) <= 0.0:
-        return BLOCKED
-    at, dx, dy, width = closest(field, x, y)
-    return BLOCKED if load_float32(field.nearest, at) + math.sqrt(dx**2 + dy**2) + width < 0.0 else UNSURE
-
-
-@kernel
-def certify_point(field, x, y):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
-    return FREE if clearance(field, x, y) > 0.0 else refused(field, x, y)
-
-
-@inlined
-def _certify_piece(field, x, y, theta, ux, uy, curvature, length, patient):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a piece that sets out along (ux, uy): certified discs must cover it."""
-    s, verdict = 0.0, FREE
-    while True:
-        px, py = point_along(x, y, theta, ux, uy, curvature, s)
-        c = clearance(field, px, py)
-        if c < LEAST_STEP:
-            if refused(field, px, py) == BLOCKED:
-                return BLOCKED
-            if not patient:
-                return UNSURE
-            verdict, c = UNSURE, 0.5 * field.spacing
-        if s >= length:
-            return verdict
-        s = min(s + c, length)
-
-
-@kernel
-def certify_segment(field, ax, ay, bx, by, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m], by `_certify_piece`."""
-    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
-    per = 1.0 / length if length > 0.0 else 0.0
-    return _certify_piece(field, ax, ay, 0.0, per * (bx - ax), per * (by - ay), 0.0, length, patient)
-
-
-@kernel
-def certify_curve(field, start, curvature, length, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m], by `_certify_piece`."""
-    x, y = start[0], start[1]
-    theta = start[2]
-    verdict = FREE
-    for p in range(length.shape[0]):
-        ux, uy = math.cos(theta), math.sin(theta)
-        piece = _certify_piece(field, x, y, theta, ux, uy, curvature[p], length[p], patient)
-        if piece == BLOCKED or (piece == UNSURE and not patient):
-            return piece
-        verdict = min(verdict, piece)
-        x, y = point_along(x, y, theta, ux, uy, curvature[p], length[p])
-        theta += curvature[p] * length[p]
-    return verdict

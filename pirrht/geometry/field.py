@@ -9,7 +9,7 @@ the nearest solid in another direction; where another solid takes over, its clea
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,7 @@ class Field(Grid):
     blocks: NDArray[np.int32] | None = None  # the table, (rows, columns)
 
     @classmethod
-    def of(cls, world: Workspace, spacing: float, arrays: Arrays, table: NDArray[np.int32] | None = None) -> Field:
+    def of(cls, world: Workspace, spacing: float, arrays: Arrays, table: NDArray[np.int32] | None = None) -> Self:
         """Take hold of values of points in columns (nx, ny) or in blocks (k, stride, stride).
 
         The first point lies at the world's least corner, the finest are `spacing` apart [m]. `arrays` are clearances
@@ -77,21 +77,20 @@ class Field(Grid):
         field.arrays, field.blocks = arrays, table
         return field
 
-
-def set_back(field: Field, distance: float) -> Field:
-    """Return the field with all walls, the border included, moved back by a distance [m]."""
-    nearest, second, label = field.arrays
-    arrays = nearest + np.float32(distance), second + np.float32(distance), label
-    moved = field._replace(
-        nearest=arrays[0].ctypes.data,
-        second=arrays[1].ctypes.data,
-        left=field.left - distance,
-        low=field.low - distance,
-        right=field.right + distance,
-        high=field.high + distance,
-    )
-    moved.arrays, moved.blocks = arrays, field.blocks
-    return moved
+    def set_back(self, distance: float) -> Self:
+        """Return the field with all walls, the border included, moved back by a distance [m]."""
+        nearest, second, label = self.arrays
+        arrays = nearest + np.float32(distance), second + np.float32(distance), label
+        moved = self._replace(
+            nearest=arrays[0].ctypes.data,
+            second=arrays[1].ctypes.data,
+            left=self.left - distance,
+            low=self.low - distance,
+            right=self.right + distance,
+            high=self.high + distance,
+        )
+        moved.arrays, moved.blocks = arrays, self.blocks
+        return moved
 
 
 @inlined

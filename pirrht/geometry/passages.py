@@ -20,10 +20,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray, IntArray
-from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.disc import certify_piece
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, clearance, interpolate
 from pirrht.geometry.rectangles import root_of
+from pirrht.geometry.space import FREE
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
 
@@ -245,7 +246,8 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         c = clearance(field, next_x, next_y)
         if c < min(least, 0.0) - 0.5 * field.spacing:
             break
-        if certify_segment(field, from_x, from_y, next_x, next_y, False) != FREE and (x != from_x or y != from_y):
+        sure = certify_piece(field, (from_x, from_y), (next_x, next_y), False) == FREE
+        if not sure and (x != from_x or y != from_y):
             out[count, 0] = x
             out[count, 1] = y
             out[count, 2] = heading

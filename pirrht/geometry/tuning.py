@@ -19,6 +19,8 @@ class GeometryTuning(NamedTuple):
     coarse_cells: int = 4_000_000  # cells of the coarsest blocks: the search for passages takes four places for each
     blocks_at_once: int = 4096  # blocks that are sampled together: memory against calls
     least_step: float = 1e-3  # a certificate that would advance by less is left to FCL [m]: steps against FCL's queries
+    # First exits
+    line: float = 1e-9  # det / trace^2 of a covariance below which noise counts as along a line; rounding
     # Distances
     probe: float = 1e-6  # radius of the sphere that stands for the robot's centre; nearer counts as inside [m]
     shortest: float = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]: bisections

@@ -1,42 +1,38 @@
 """State what is free at a place x and a time t.
 
-A `World` is one snapshot: the clearance field of what is static, the goal's disc, and J moving obstacles on a clock on
-which 0 is now. Sampler, proposals, replay and feedback law share it, so a new map or a new prediction is one assignment
-of a new snapshot. In a static world J = 0.
+A `World` is one snapshot: the free space of the footprint among what is static, the goal's disc, and J moving obstacles
+on a clock on which 0 is now. Sampler, proposals, replay and feedback law share it, so a new map or a new prediction is
+one assignment of a new snapshot. In a static world J = 0.
 
 Examples:
+    >>> import numpy as np
     >>> from pirrht import FreeSpace, Scene
     >>> room = {"lower": (0, 0), "upper": (4, 3), "start": (0.6, 1.4), "goal": (3.4, 1.5, 0.3)}
     >>> world = FreeSpace.of(Scene.from_boxes([[1.6, 1.1, 2.4, 1.9]], robot_radius=0.2, **room)).world
     >>> world.moving.J
     0
-    >>> nearest = world.walls(1.2, 1.5)[0]
-    >>> round(float(nearest[0]), 3)  # the box is 0.4 m away from the centre of a robot of 0.2 m [m]
+    >>> round(world.clearance((1.2, 1.5)), 3)  # the box is 0.4 m away from the centre of a robot of 0.2 m [m]
     0.2
-    >>> nearest[3:].tolist()  # its velocity [m/s]
-    [0.0, 0.0]
-    >>> world.leaves(1.2, 1.5, 1.2, 0.5)
-    False
-    >>> world.certify(1.2, 1.5, 2.8, 1.5) == BLOCKED  # through the box
-    True
+    >>> world.off_walls(np.array([1.45, 1.5]), (0, 1), 0.0, 0.01).round(3).tolist()
+    [1.39, 1.5]
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment
-from pirrht.geometry.field import Field, clearance, two_walls
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal
+from pirrht.geometry.space import FREE, Space
 from pirrht.jit.jit import inlined
+from pirrht.jit.streams import ZERO
 
 WALL = 5  # numbers of a moving wall: clearance [m], unit vector (x, y) away, velocity there (x, y) [m/s]
-NEVER = 2.0  # share of a step at which nothing is met
 
 
 class MovingKernels(NamedTuple):
@@ -142,64 +138,71 @@ class NoMoving(NamedTuple):
 class World(NamedTuple):
     """A snapshot of what is free at (x, t), as numbers and addresses that kernels take cheaply."""
 
-    field: Field  # of static obstacles and border
+    static: Any  # of static obstacles and border, for one footprint (`Space`)
     goal: tuple[float, float]  # centre of the goal's disc [m]
     radius: float  # of that disc [m]
     moving: Any  # J moving obstacles (`Moving`)
 
     @classmethod
-    def of(cls, field: Field, goal: Goal, moving: Moving) -> World:
-        """Take a snapshot of a field, a goal of centre (2,) [m] and moving obstacles."""
-        return cls(field, (float(goal.center[0]), float(goal.center[1])), float(goal.radius), moving)
+    def of(cls, static: Space, goal: Goal, moving: Moving) -> World:
+        """Take a snapshot of a static space, a goal of centre (2,) [m] and moving obstacles."""
+        return cls(static, (float(goal.center[0]), float(goal.center[1])), float(goal.radius), moving)
 
-    def clearance(self, x: float, y: float, t: float = 0.0) -> float:
-        """Return a lower bound of the clearance of the robot's centre from all walls [m]."""
-        return min(float(clearance(self.field, x, y)), float(self.moving.clearance(x, y, t)))
+    def clearance(self, pose: tuple[float, ...], t: float = 0.0) -> float:
+        """Return a lower bound of the clearance of a pose from all walls at t [s], [m]."""
+        static = float(self.static.kernels.clearance(self.static, pose))
+        return min(static, float(self.moving.clearance(pose[0], pose[1], t)))
 
-    def walls(self, x: float, y: float, t: float = 0.0, within: float = np.inf) -> Array:
-        """Return clearance [m], unit vector (x, y) away and velocity (x, y) [m/s] of walls `within` [m], nearest first.
-
-        The two nearest static walls are at most two rows of (k, 5); each moving obstacle is one.
-        """
-        c, nx, ny, d, mx, my = two_walls(self.field, x, y)
-        static = np.array([[c, nx, ny, 0.0, 0.0], [d, mx, my, 0.0, 0.0]], dtype=float)
-        rows = np.vstack([static[static[:, 0] < within], self.moving.walls(x, y, t, within)])
-        return rows[np.argsort(rows[:, 0], kind="stable")]
-
-    def off_walls(self, x: Array, t: float, gap: float) -> Array:
-        """Return the nearest state to x (n,) from which plans can begin at t [s], `gap` [m] off walls.
+    def off_walls(self, x: Array, reads: Sequence[int], t: float, gap: float) -> Array:
+        """Return the nearest state to x (n,) where plans can begin at t [s], `gap` [m] off walls; it `reads` its pose.
 
         It is x itself unless noise has carried the robot into the safety margin.
         """
+        at = list(reads)
         for _ in range(4):  # a second wall may be near
-            if self.clearance(x[0], x[1], t) > 0.0:
+            pose = tuple(x[at].tolist())
+            if self.clearance(pose, t) > 0.0:
                 break
-            c, nx, ny, *_ = self.walls(x[0], x[1], t)[0]
-            x = np.concatenate([x[:2] + (gap - c) * np.array([nx, ny]), x[2:]])
+            nearest, direction, *_ = self.static.kernels.walls(self.static, pose)
+            c = float(nearest)
+            away = np.array(direction, dtype=float)
+            for row in self.moving.walls(pose[0], pose[1], t, c):
+                if row[0] < c:
+                    c = row[0]
+                    away[:2], away[2:] = row[1:3], 0.0
+            x = x.copy()
+            x[at] += (gap - c) * away
         return x
 
-    def certify(self, ax: float, ay: float, bx: float, by: float, s: float = 0.0, t: float = 0.0) -> int:
-        """Return FREE, UNSURE or BLOCKED for a straight step from (ax, ay) [m] at s [s] to (bx, by) at t."""
-        static = int(certify_segment(self.field, ax, ay, bx, by))
-        return static if static == BLOCKED else min(static, self.moving.certify(ax, ay, bx, by, s, t))
 
-    def leaves(self, ax: float, ay: float, bx: float, by: float, s: float = 0.0, t: float = 0.0) -> bool:
-        """Return whether a straight step is not certified to stay in the free space."""
-        return self.certify(ax, ay, bx, by, s, t) != FREE
+@cache
+def merging(numbers: int) -> Any:
+    """Build the kernel (walls, near, count, widest) that returns the two nearest walls of static and moving ones.
 
+    `walls` are two static ones of poses of so many `numbers`; `count` rows of `near` (J, WALL) move, and are no nearer
+    than `widest` [m]. No heading brings them nearer.
+    """
 
-@inlined
-def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest of two static walls and `count` rows of `near` (J, WALL); none nearer than `widest`."""
-    c, nx, ny, d, mx, my = walls
-    for k in range(count):
-        e = np.float32(max(near[k, 0], widest))
-        ex = np.float32(near[k, 1])
-        ey = np.float32(near[k, 2])
+    @inlined
+    def in_plane(near, k):  # type: ignore[no-untyped-def]
+        return np.float32(near[k, 1]), np.float32(near[k, 2])
 
-        if e < c:
-            d, mx, my = c, nx, ny
-            c, nx, ny = e, ex, ey
-        elif e < d:
-            d, mx, my = e, ex, ey
-    return c, nx, ny, d, mx, my
+    @inlined
+    def with_heading(near, k):  # type: ignore[no-untyped-def]
+        return np.float32(near[k, 1]), np.float32(near[k, 2]), ZERO
+
+    direction = in_plane if numbers == 2 else with_heading
+
+    @inlined
+    def merged(walls, near, count, widest):  # type: ignore[no-untyped-def]
+        c, n, d, m = walls
+        for k in range(count):
+            e = np.float32(max(near[k, 0], widest))
+            if e < c:
+                d, m = c, n
+                c, n = e, direction(near, k)
+            elif e < d:
+                d, m = e, direction(near, k)
+        return c, n, d, m
+
+    return merged

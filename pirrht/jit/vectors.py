@@ -57,6 +57,36 @@ def solve(A, Y, X):  # type: ignore[no-untyped-def]
 
 
 @cache
+def dot(width: int) -> Any:
+    """Return the function (a, b) that multiplies two tuples of two or three numbers."""
+
+    @part
+    def of_two(a, b):  # type: ignore[no-untyped-def]
+        return a[0] * b[0] + a[1] * b[1]
+
+    @part
+    def of_three(a, b):  # type: ignore[no-untyped-def]
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+    return of_two if width == 2 else of_three
+
+
+@cache
+def combined(width: int) -> Any:
+    """Return the function (s, a, t, b) that makes s a + t b of tuples of two or three numbers."""
+
+    @part
+    def of_two(s, a, t, b):  # type: ignore[no-untyped-def]
+        return s * a[0] + t * b[0], s * a[1] + t * b[1]
+
+    @part
+    def of_three(s, a, t, b):  # type: ignore[no-untyped-def]
+        return s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2]
+
+    return of_two if width == 2 else of_three
+
+
+@cache
 def axpy(width: int) -> Any:
     """Return the function (out, x, a, y, b), of addresses and numbers, that writes a x + b y of rows of that width."""
 

@@ -7,7 +7,7 @@ of both rule out far obstacles first.
 
 import math
 
-from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE
+from pirrht.geometry.space import BLOCKED, FREE, LEAST_STEP, UNSURE
 from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_int64
 from pirrht.moving.distances import clearance_facing, disc_of, fastest_of, outside_of, piece_of, restart_of, solids_of

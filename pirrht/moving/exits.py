@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.world import NEVER, WALL
+from pirrht.geometry.space import NEVER
+from pirrht.geometry.world import WALL
 from pirrht.jit.jit import borrowing, inlined, kernel, part
 from pirrht.jit.streams import FAR, MIN_VARIANCE, first_crossing, survival, uniform
 from pirrht.moving.distances import (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import BLOCKED, FREE, certify_point
+from pirrht.geometry.space import BLOCKED, FREE
 from pirrht.jit.jit import (
     as_tuple,
     caller,
@@ -183,41 +183,47 @@ def proposer(
     return propose
 
 
-@kernel
-def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignore[no-untyped-def]
-    """Make vertices of the draws (k, n) from i on, by a `proposer`; the first not dealt with, and its status."""
-    straight, gx, gy = np.empty(at.M), around.goal_x, around.goal_y
-    while i < draws.shape[0]:
-        x = draws[i]
-        v = load_int64(at.size, g.SIZE.vertices)
-        status = certify_point(around.field, x[0], x[1])
-        if status == BLOCKED:
+@cache
+def growing(certify: Any) -> Any:
+    """Build the kernel `grow` by the one that certifies vertices (`StateKernels.certify`)."""
+
+    @kernel
+    def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignore[no-untyped-def]
+        """Make vertices of the draws (k, n) from i on, by a `proposer`; the first not dealt with, and its status."""
+        straight, gx, gy = np.empty(at.M), around.goal_x, around.goal_y
+        while i < draws.shape[0]:
+            x = draws[i]
+            v = load_int64(at.size, g.SIZE.vertices)
+            status = certify(around.static, x)
+            if status == BLOCKED:
+                i += 1
+                continue
+            away = math.hypot(x[0] - gx, x[1] - gy) / around.goal_radius
+            if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
+                return i, STATUS.ask
+            root = away < 1.0
+            forward = away >= 1.0
+            copy_row(x, vertices.states[v])  # whether or not it becomes a vertex
+            vertices.in_goal[v] = root
+            size = v if forward else v + 1
+            out, unsure = _propose(propose, (vertices, size, x, around, values, forward, root, straight))
+            if unsure > 0:
+                return i, STATUS.ask
+            if forward and not reaches(at, straight, out, rules):
+                i += 1
+                continue
+            back = out
+            if forward and not rules.mirrored:
+                back, unsure = _propose(propose, (vertices, v + 1, x, around, values, False, False, straight))
+            edges = load_int64(at.size, g.SIZE.edges) + len(out.near) + len(back.near)
+            pairs = load_int64(at.size, g.SIZE.pairs) + len(out.turns.marker) + len(back.turns.marker)
+            if unsure > 0 or edges > at.edge_room or pairs > at.pair_room:
+                return i, STATUS.ask
+            insert(at, vertices, straight, out, back, around, rules)
             i += 1
-            continue
-        away = math.hypot(x[0] - gx, x[1] - gy) / around.goal_radius
-        if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
-            return i, STATUS.ask
-        root = away < 1.0
-        forward = away >= 1.0
-        copy_row(x, vertices.states[v])  # whether or not it becomes a vertex
-        vertices.in_goal[v] = root
-        size = v if forward else v + 1
-        out, unsure = _propose(propose, (vertices, size, x, around, values, forward, root, straight))
-        if unsure > 0:
-            return i, STATUS.ask
-        if forward and not reaches(at, straight, out, rules):
-            i += 1
-            continue
-        back = out
-        if forward and not rules.mirrored:
-            back, unsure = _propose(propose, (vertices, v + 1, x, around, values, False, False, straight))
-        edges = load_int64(at.size, g.SIZE.edges) + len(out.near) + len(back.near)
-        pairs = load_int64(at.size, g.SIZE.pairs) + len(out.turns.marker) + len(back.turns.marker)
-        if unsure > 0 or edges > at.edge_room or pairs > at.pair_room:
-            return i, STATUS.ask
-        insert(at, vertices, straight, out, back, around, rules)
-        i += 1
-        status = relaxed(at, rules)
-        if status != STATUS.done:
-            return i, status
-    return i, STATUS.done
+            status = relaxed(at, rules)
+            if status != STATUS.done:
+                return i, status
+        return i, STATUS.done
+
+    return grow

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.geometry.arcs import FREE
+from pirrht.geometry.space import FREE
 from pirrht.jit.jit import (
     inlined,
     kernel,

@@ -20,7 +20,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.jit.jit import address_of, mapped
 from pirrht.planner import references
-from pirrht.planner.expand import PassageSampler, grow, insert, near_count, proposer
+from pirrht.planner.expand import PassageSampler, growing, insert, near_count, proposer
 from pirrht.planner.graph import SIZE, STATUS, Graph, Storage
 from pirrht.planner.references import Reference
 from pirrht.planner.rewire import SearchRules, reaches, relax
@@ -272,6 +272,7 @@ class HomologyTree:
         values = np.array(self.steering.numbers)
         at = (self.storage.places, self.storage.vertices)
 
+        grow = growing(self.steering.states_in(self.space).certify)
         return cast(tuple[int, int], grow(self._propose, *at, draws, i, self.checker.around, values, self.rules))
 
     @cached_property
@@ -283,7 +284,7 @@ class HomologyTree:
         numbers = np.array(steering.numbers)
         straight = np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
-        propose = proposer(kernels.nearest, kernels.optimum, len(numbers), self.checker.motion.kernels)
+        propose = proposer(kernels.nearest, kernels.optimum, len(numbers), self.checker.kernels)
         return address_of(propose, given)
 
     @property

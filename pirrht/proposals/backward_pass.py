@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.geometry.space import pose_at
+from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, inlined, kernel, part
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.forward_pass import forward_pass
@@ -145,13 +147,15 @@ def backward_pass(kind: KernelSpec) -> Any:
     """Build the backward pass of one kind of dynamics."""
     velocity, expand, expand_end, _ = forward_pass(kind)
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
-    scratch_walls, _, expand_clearance = clearance_costs(kind.moving)
+    scratch_walls, _, expand_clearance = clearance_costs(kind.space, len(kind.reads), kind.moving)
+    reads, numbers, position = np.array(kind.reads), len(kind.reads), kind.space.position
+    pose, combined = pose_at(kind.reads), vectors.combined(numbers)
 
     @kernel
     def _follow(setup, x, z, bends, chain):  # type: ignore[no-untyped-def]
-        """Write derivatives of positions and loss of velocity in the states x, z (n,) of a step to `chain` (6, 2 n)."""
-        for k in range(2):
-            chain[k, k] = chain[2 + k, n + k] = 1.0
+        """Write derivatives of poses and loss of rates in the states x, z (n,) of a step to `chain` (3 k, 2 n)."""
+        for k in range(numbers):
+            chain[k, reads[k]] = chain[numbers + k, n + reads[k]] = 1.0
 
         up = np.zeros(n)
         down = np.zeros(n)
@@ -168,20 +172,21 @@ def backward_pass(kind: KernelSpec) -> Any:
                 at[i] = here - nudge
                 velocity(setup, at, down)
                 at[i] = here
-                for k in range(2):
-                    chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / nudge
+                for k in range(numbers):
+                    chain[2 * numbers + k, end * n + i] = 0.5 * sign * (up[reads[k]] - down[reads[k]]) / nudge
 
     @part
     def add_clearance(setup, task, states, i, times, points, work, v, W):  # type: ignore[no-untyped-def]
         """Expand the clearance cost of a step in its states (2 n,), by position and velocity; return whether any."""
-        (f, other, walls, bends, slope, bend, chain, bent), bx, by = work, 0.0, 0.0
+        f, other, walls, bends, slope, bend, chain, bent = work
+        here = pose(states[i])
+        loss = combined(0.0, here, 0.0, here)
         if bends:
             velocity(setup, states[i], f)
             velocity(setup, states[i + 1], other)
-            bx, by = f[0] - other[0], f[1] - other[1]
-        x, y = states[i, 0], states[i, 1]
+            loss = combined(1.0, pose(f), -1.0, pose(other))
         dt = times[i + 1] - times[i]
-        step = (x, y, states[i + 1, 0] - x, states[i + 1, 1] - y, bx, by, times[i], dt)
+        step = (here, combined(1.0, pose(states[i + 1]), -1.0, here), loss, times[i], dt)
         near = expand_clearance(setup, task, step, points, walls, slope, bend)
         if near:
             _follow(setup, states[i], states[i + 1], bends, chain)
@@ -204,6 +209,7 @@ def backward_pass(kind: KernelSpec) -> Any:
         modes = course.control.shape[1]
 
         N = n + modes
+        size = 3 * numbers
         bends = not noisy_position and modes > m
         expected = 0.0
 
@@ -220,8 +226,8 @@ def backward_pass(kind: KernelSpec) -> Any:
         lead = np.zeros((2 * n, N))
         stiff = np.zeros((modes, modes))
         ends = (
-            np.zeros(n), np.zeros(n), scratch_walls(setup), bends, np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)),
-            np.zeros((6, 2 * n)),
+            np.zeros(n), np.zeros(n), scratch_walls(setup), bends, np.zeros(size), np.zeros((size, size)),
+            np.zeros((size, 2 * n)), np.zeros((size, 2 * n)),
         )  # fmt: skip
         work = stiff, stiff.copy(), stiff.copy(), np.zeros(modes)
         for j in range(n):
@@ -237,9 +243,10 @@ def backward_pass(kind: KernelSpec) -> Any:
                 costate[n + j] += v[j]
                 for k in range(n):
                     P[n + j, n + k] += W[j, k]
-            for j in range(2 if task.hold > 0.0 else 0):
-                costate[n + j] += 2.0 * task.hold * dt * (states[i + 1, j] - aims[i + 1, j])
-                P[n + j, n + j] += 2.0 * task.hold * dt
+            for j in range(position if task.hold > 0.0 else 0):
+                k = reads[j]
+                costate[n + k] += 2.0 * task.hold * dt * (states[i + 1, k] - aims[i + 1, j])
+                P[n + k, n + k] += 2.0 * task.hold * dt
             expand(setup, (states[i], control[i], dt, costate[n:]), task.active, task.curved, K[n:], S)
             through_step(costate[first:], P[first:, first:], K[first:], S, lead[first:], g, Q)
             for j in range(modes):

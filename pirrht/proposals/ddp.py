@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.geometry.space import COLLISION, pose_at
 from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row, copy_rows
@@ -19,7 +20,7 @@ from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
-from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
+from pirrht.rollouts.first_exit import turn_of
 from pirrht.rollouts.step import KernelSpec
 from pirrht.topology.crossings import key_of_segment
 from pirrht.topology.moving_crossings import key_of_path
@@ -37,7 +38,8 @@ def optimiser(kind: KernelSpec) -> Any:
     moving = kind.moving is not None
 
     among = kind.moving or NOTHING_MOVES
-    watch, sweep = among.watch, among.sweep
+    watch, sweep_among = among.watch, among.sweep
+    pose, sweep, (px, py) = pose_at(kind.reads), kind.space.sweep, kind.reads[:2]
 
     @kernel
     def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]
@@ -46,18 +48,17 @@ def optimiser(kind: KernelSpec) -> Any:
         if moving:
             notes = watch(setup.world.moving)
         for i in range(length):
-            x, y = states[i, 0], states[i, 1]
-            to_x = states[i + 1, 0]
-            to_y = states[i + 1, 1]
-
+            here = pose(states[i])
+            there = pose(states[i + 1])
             dt = times[i + 1] - times[i]
             if bows:
                 velocity(setup, states[i], f[0])
                 velocity(setup, states[i + 1], f[1])
-                turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], to_x - x, to_y - y, dt)
-            outcome, _, _ = sweep_exit(setup.world, x, y, to_x, to_y, turn)
+                turn = turn_of(f[0, px], f[0, py], f[1, px], f[1, py], there[0] - here[0], there[1] - here[1], dt)
+            outcome, _, _ = sweep(setup.world, here, there, turn, 0.0)
+            way = (here[0], here[1], there[0], there[1], turn)
             if outcome == COLLISION or (
-                moving and sweep(setup.world.moving, notes, (x, y, to_x, to_y, turn), times[i], dt, 1.0) <= 1.0
+                moving and sweep_among(setup.world.moving, notes, way, times[i], dt, 1.0) <= 1.0
             ):
                 return False
         return True
@@ -69,7 +70,7 @@ def optimiser(kind: KernelSpec) -> Any:
         if task.hold > 0.0:
             return True, True
         for i in range(length):
-            key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
+            key += key_of_segment(setup.cuts, states[i, px], states[i, py], states[i + 1, px], states[i + 1, py])
         if moving:
             key += key_of_path(setup.marks, setup.world.goal, states, length)
         return key == own, key == own and _is_free(setup, states, length, times, bows)
@@ -79,7 +80,7 @@ def optimiser(kind: KernelSpec) -> Any:
         """Return the number of points of every step at which clearance is priced, by the longest step."""
         longest = 0.0
         for i in range(length):
-            way = math.sqrt((states[i + 1, 0] - states[i, 0]) ** 2 + (states[i + 1, 1] - states[i, 1]) ** 2)
+            way = math.sqrt((states[i + 1, px] - states[i, px]) ** 2 + (states[i + 1, py] - states[i, py]) ** 2)
             longest = max(longest, way + (setup.world.moving.speed * (times[i + 1] - times[i]) if moving else 0.0))
         return max(1, min(TUNING.points, math.ceil(TUNING.points_margin * longest / task.spacing)))
 

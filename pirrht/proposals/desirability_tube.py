@@ -300,7 +300,7 @@ class DesirabilityAscent(ProposalControl):
         It is of a world with the goal's disc, where psi decays by k per meter [1/m].
         """
         whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
-        cut = sections_of(arena.field, whole, arena.radius, decay)
+        cut = sections_of(arena.static, whole, arena.radius, decay)
         C, J = len(cut[0]), TUNING.nodes
         place = np.zeros((1, C, PLACE), np.float32)
         slope = np.zeros((1, C, J, KNOWN), np.float32)
@@ -380,7 +380,7 @@ def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
     for c in range(C - 1, -1, -1):
         tx, ty = ahead[c, 0], ahead[c, 1]
         step = max((ends[c, 0] + ends[c, 1]) / J, 1e-6)
-        _lay(arena.field, cut, c, J, step, f)
+        _lay(arena.static, cut, c, J, step, f)
         if c == C - 1:
             goal_kernel(k, arena.goal, arena.radius, f)
         else:

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.space import pose_at
+from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.tuning import TUNING
@@ -51,7 +53,9 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     through_inputs = kind.input_form and varying
     all_vary = varying or stratonovich
 
-    scratch_walls, clearance_cost, _ = clearance_costs(kind.moving)
+    scratch_walls, clearance_cost, _ = clearance_costs(kind.space, len(kind.reads), kind.moving)
+    pose, combined = pose_at(kind.reads), vectors.combined(len(kind.reads))
+    px, py = kind.reads[:2]
     stranded = noisy_position and homing_of is no_homing
     along_line = kind.along_line
 
@@ -108,15 +112,15 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         both = np.zeros((2, rows, m))
         noise_input(setup, x, both)
         B = both[0]
-        f[0] = 0.0
-        f[1] = 0.0
+        f[px] = 0.0
+        f[py] = 0.0
         for k in range(m):
-            sign = 1.0 if gx * B[0 - fixed, k] + gy * B[1 - fixed, k] >= 0.0 else -1.0
-            f[0] += sign * B[0 - fixed, k]
-            f[1] += sign * B[1 - fixed, k]
-        size = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-12)
-        f[0] /= size
-        f[1] /= size
+            sign = 1.0 if gx * B[px - fixed, k] + gy * B[py - fixed, k] >= 0.0 else -1.0
+            f[px] += sign * B[px - fixed, k]
+            f[py] += sign * B[py - fixed, k]
+        size = max(math.sqrt(f[px] * f[px] + f[py] * f[py]), 1e-12)
+        f[px] /= size
+        f[py] /= size
 
     @borrowing
     def arrival(setup, far, x, f):  # type: ignore[no-untyped-def]
@@ -124,8 +128,8 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
 
         It has no kink at the rim, which would be a wall to a guide whose last step ends on it.
         """
-        gx = setup.world.goal[0] - x[0]
-        gy = setup.world.goal[1] - x[1]
+        gx = setup.world.goal[0] - x[px]
+        gy = setup.world.goal[1] - x[py]
 
         if noisy_position and not along_line:
             return far * (math.sqrt(gx * gx + gy * gy) - setup.world.radius)
@@ -134,8 +138,8 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             ahead_of(setup, x, f, gx, gy)
         else:
             rate = velocity(setup, x, f)
-            speed = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-3)
-        along = (gx * f[0] + gy * f[1]) / speed
+            speed = max(math.sqrt(f[px] * f[px] + f[py] * f[py]), 1e-3)
+        along = (gx * f[px] + gy * f[py]) / speed
         square = setup.world.radius**2
         off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
         return rate * (along - math.sqrt(off)) / speed
@@ -313,7 +317,6 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         f = np.zeros(n)
         B = np.zeros((2, rows, m))
         x = np.empty(n)
-        bow = np.zeros(2)
         walls = scratch_walls(setup)
 
         cost, priced, held = 0.0, 0.0, task.hold > 0.0
@@ -327,33 +330,32 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             copy_row(states[i], x)
             if not noisy_position:
                 velocity(setup, x, f)
-                ahead = not held and _enters(setup, x[0], x[1], f[0] * dt, f[1] * dt)
+                ahead = not held and _enters(setup, x[px], x[py], f[px] * dt, f[py] * dt)
             if not ahead:
                 _control(setup, task, (course, length, step), i, x, B, u)
-                bow[0] = f[0]
-                bow[1] = f[1]
+                begun = pose(f)
                 running = displacement(setup, x, u, dt, B, f, states[i + 1])
                 for k in range(n):
                     states[i + 1, k] += x[k]
-                dx = states[i + 1, 0] - x[0]
-                dy = states[i + 1, 1] - x[1]
+                here = pose(x)
+                change = combined(1.0, pose(states[i + 1]), -1.0, here)
 
                 if bends:
                     velocity(setup, states[i + 1], f)
-                ahead = not held and _enters(setup, x[0], x[1], dx, dy)
+                ahead = not held and _enters(setup, here[0], here[1], change[0], change[1])
             if ahead:
                 rest = arrival(setup, task.far, x, f)
                 applied[i] = 0.0
                 return i, cost + rest, priced + rest
             for j in range(u.shape[0]):
                 running += 0.5 * task.temperature * u[j] * u[j] * dt
-            bx, by = (bow[0] - f[0], bow[1] - f[1]) if bends else (0.0, 0.0)
+            loss = combined(1.0, begun, -1.0, pose(f)) if bends else combined(0.0, here, 0.0, here)
             cost = cost + running
             priced = priced + running
-            priced += clearance_cost(setup, task, (x[0], x[1], dx, dy, bx, by, times[i], dt), points, walls)
+            priced += clearance_cost(setup, task, (here, change, loss, times[i], dt), points, walls)
             if held:
-                away_x = states[i + 1, 0] - aims[i + 1, 0]
-                away_y = states[i + 1, 1] - aims[i + 1, 1]
+                away_x = states[i + 1, px] - aims[i + 1, 0]
+                away_y = states[i + 1, py] - aims[i + 1, 1]
                 priced += task.hold * (away_x**2 + away_y**2) * dt
             if not priced < 1e12:  # diverged
                 return -1, np.inf, np.inf

@@ -28,6 +28,7 @@ from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_columns
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import no_homing
+from pirrht.traits import Traits
 
 
 class Query(NamedTuple):
@@ -51,7 +52,7 @@ class DDPGuidance:
                 "a point without drift among static obstacles takes StraightLine.of(problem) as its steering"
             )
         d, setup = problem.dynamics, world.setup
-        kind = kind_of(problem, setup.world.moving.kernels)
+        kind = kind_of(problem, setup.world.static.kernels, setup.world.moving.kernels)
 
         self.problem = problem
         self.world = world
@@ -82,7 +83,7 @@ class DDPGuidance:
     @staticmethod
     def suits(problem: Problem) -> bool:
         """Check for any system but points among static obstacles, which climb psi."""
-        return bool(problem.scene.movers) or kind_of(problem).takes_law
+        return not Traits.of(problem).climbs(bool(problem.scene.movers))
 
     def _task(self, warmth: float, strength: float, position: float, curved: bool, active: int) -> Task:
         """Return the numbers of the optimisation for `warmth` times lambda at walls, by `_noise_of`.
@@ -130,13 +131,18 @@ class DDPGuidance:
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm, paces=paces) for start in starts]
         first = found[0] if found else None
-        here = (query.x[0], query.x[1], float(query.clock[0]))
 
-        if first is None or not (first.valid or query.setup.world.clearance(*here) <= 0.0):
+        if first is None or not (first.valid or self._in_margin(query)):
             fresh = self._fresh(query, reference, thorough, short)
             first = fresh[0] if fresh else None
             found = [*fresh, *found[1:]]
         return self._ranked(first, [one for one in found if one is not None and one.valid])
+
+    def _in_margin(self, query: Query) -> bool:
+        """Return whether noise has carried the robot into a wall's zone."""
+        world = query.setup.world
+        reads = list(self.problem.dynamics.reads(world.static.kernels.turns))
+        return bool(world.clearance(tuple(query.x[reads].tolist()), float(query.clock[0])) <= 0.0)
 
     def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
         """Return the best of some valid guides, and the cheapest other one with weight that its samples miss."""
@@ -290,11 +296,12 @@ class DDPGuidance:
         total = (len(query.times) - 1) * FINER
         at = np.arange(count) / FINER
         ends = np.arange(len(query.times))
-        places = np.column_stack([np.interp(at, ends, column) for column in states.T[:2]])
+        places = np.column_stack([np.interp(at, ends, column) for column in self.problem.dynamics.place(states).T])
         times, offset = np.interp(at, ends, query.clock), Scales.of(self.problem, states[0]).wall_offset
         slopes = np.zeros((total, 2))
         bends = np.zeros((total, 2, 2))
-        along = drift_along(query.setup.world.moving.kernels)
+        world = query.setup.world
+        along = drift_along(world.static.kernels, world.moving.kernels)
         slopes[:count], bends[:count] = along(query.setup, places, times, offset)
         return slopes, bends
 
@@ -318,7 +325,7 @@ def _noise_of(
         rates = [np.append(d.f(x + off) - d.f(x), problem.rate(x + off) - problem.rate(x)) for x in states]
         active |= int(np.any(rates)) << i
     asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0
-    spread, bend, expand = np.zeros((d.n, d.n)), 0.0, forward_pass(kind_of(problem)).expand
+    spread, bend, expand = np.zeros((d.n, d.n)), 0.0, forward_pass(kind_of(problem, setup.world.static.kernels)).expand
     for k, x in enumerate(states):
         J = np.zeros((d.n + 1, d.n + width))
         S = np.zeros((d.n + width,) * 2)
@@ -336,16 +343,17 @@ def _noise_of(
         for _ in range(tuning.spreading_steps):
             P = A @ P @ A.T + C @ C.T / h
         spread += P / len(states)
-    if not spread[:2, :2].any():
+    position = np.ix_(d.position, d.position)
+    if not spread[position].any():
         raise OptionError(
             f"{type(d).__name__}: its noise never reaches x, y; its drift must say how they move, as in out[0] = x[2]"
         )
 
-    most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
+    most = float(np.linalg.eigvalsh(spread[position])[-1])
     squares = np.diag(spread)
     metric = np.zeros(d.n)
 
-    np.divide(squares[0], squares, out=metric, where=squares > 1e-9 * squares.max())
-    position = math.sqrt(at_once if at_once else most / tuning.spreading)
+    np.divide(squares[d.position[0]], squares, out=metric, where=squares > 1e-9 * squares.max())
+    noise = math.sqrt(at_once if at_once else most / tuning.spreading)
     strength = math.sqrt(3.0 * most / tuning.spreading**3)
-    return strength, position, bend > tuning.straight, active, metric
+    return strength, noise, bend > tuning.straight, active, metric

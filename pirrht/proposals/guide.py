@@ -61,10 +61,10 @@ def empty_course(T: int, n: int, modes: int) -> Course:
     )  # fmt: skip
 
 
-def straight(states: Array, cost: Array) -> Curves:
-    """Return straight lines between states (k+1, n) of costs (k,)."""
-    dx, dy = np.diff(states[:, :2], axis=0).T
-    start = np.column_stack([states[:-1, :2], np.arctan2(dy, dx)])
+def straight(states: Array, places: Array, cost: Array) -> Curves:
+    """Return straight lines between states (k+1, n) at places (k+1, 2) of costs (k,)."""
+    dx, dy = np.diff(places, axis=0).T
+    start = np.column_stack([places[:-1], np.arctan2(dy, dx)])
     return Curves(start, np.zeros((len(dx), 1)), np.hypot(dx, dy)[:, None], cost, states[:-1], states[1:])
 
 
@@ -113,15 +113,16 @@ class DDPGuide:
         if passed >= self.length:
             return None
         states = self.states[[*range(passed, self.length + 1), self.length]]
-        states[-1, :2] = goal
-        travel = np.hypot(*np.diff(states[:, :2], axis=0).T)
+        states[-1, list(self.dynamics.position)] = goal
+        places = self.dynamics.place(states)
+        travel = np.hypot(*np.diff(places, axis=0).T)
         steps = np.diff(self.times)[passed : self.length]
         durations = np.append(steps, travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9))
         controls = np.vstack([self.tape[passed : self.length], np.zeros(self.dynamics.m)])
 
         seconds = float(durations.sum())
         length = float(travel.sum())
-        path = straight(states, durations)
+        path = straight(states, places, durations)
 
         return Trajectory(controls=controls, durations=durations, path=path, cost=seconds, length=length)
 
@@ -175,9 +176,10 @@ class LinearFeedback(ProposalControl):
             gains = gains - B.T @ guide.bend
         # States are linear within a step, but for positions, whose velocity is.
         states = (1.0 - share) * guide.states[i] + share * guide.states[i + 1]
-        pace = np.gradient(guide.states[: guide.length + 1, :2], guide.times[: guide.length + 1], axis=0)
+        at = list(guide.dynamics.position)
+        pace = np.gradient(guide.states[: guide.length + 1, at], guide.times[: guide.length + 1], axis=0)
         pace = np.vstack([pace, np.repeat(pace[-1:], len(guide.states) - len(pace), axis=0)])
-        states[:, :2] += 0.5 * share * (1.0 - share) * np.diff(guide.times)[i][:, None] * (pace[i] - pace[i + 1])
+        states[:, at] += 0.5 * share * (1.0 - share) * np.diff(guide.times)[i][:, None] * (pace[i] - pace[i + 1])
         law.mean[:], law.gains[:], law.state[:] = mean, np.swapaxes(gains, 1, 2), states
         law.deviation[:] = np.swapaxes(guide.share, 1, 2)[i]
         law.inverse[:] = np.swapaxes(guide.inverse, 1, 2)[i]
@@ -226,7 +228,7 @@ class Initialisation:
         passed = np.cumsum([0.0, *trajectory.durations[:-1], onward])
         ramp, late, then = self.tuning.ramp * (trajectory.slack or 0.0), 0.0, times
         if ramp:
-            along = self.dynamics.f(x)[:2] @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
+            along = self.dynamics.place(self.dynamics.f(x)) @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
             late = ramp * (1.0 - min(max(along / pace, 0.0), 1.0))  # by as much as it is slow at the start
             then = times + late * np.expm1(-times / ramp)
         course, length = empty_course(len(times) - 1, self.dynamics.n, self.width), 0

@@ -21,17 +21,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.field import Field, two_walls
-from pirrht.geometry.world import Moving, with_walls
+from pirrht.geometry.space import Space, SpaceKernels
+from pirrht.geometry.world import Moving, merging
 from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 from pirrht.proposals.tuning import TUNING
-from pirrht.rollouts.first_exit import wall_slope
+from pirrht.rollouts.first_exit import slope_for
 
 MOMENTS, SHARES = np.polynomial.legendre.leggauss(TUNING.moments)
 MOMENTS = 0.5 * (MOMENTS + 1.0)  # on a time from 0 to 1
@@ -114,7 +115,7 @@ class WallDrift:
     """
 
     problem: Problem
-    field: Field
+    static: Space
     offset: float  # `ProposalTables.wall_offset` [m]; 0: no drift
     step: float  # first of the rollouts [s]
     moving: Moving  # moving obstacles
@@ -131,20 +132,34 @@ class WallDrift:
         """Return the control (m,) at x (n,), s [s] after the plan, for walls at least `closest` [m] away (or `_at`)."""
         if self.offset <= 0.0:
             return np.zeros(self.problem.dynamics.m)
-        return np.asarray(self.gain(x) @ np.array(wall_slope(*self.walls(x, s, closest), self.offset)))
+        slope = slope_for(len(self.pose(x)))
+        return np.asarray(self.gain(x) @ np.array(slope(self.walls(x, s, closest), self.offset)))
 
     def gain(self, x: Array) -> Array:
         """Return lambda R^-1 G' at x (n,), (m, rows), the control per slope of log psi."""
         return self._at(x)[0]
 
     def walls(self, x: Array, s: float = 0.0, closest: float | None = None) -> tuple[Any, ...]:
-        """Return the two nearest walls (`two_walls`) at x (n,), s [s] after the plan, at least `closest` [m] away."""
+        """Return the two nearest walls (`SpaceKernels`) at x (n,), s [s] after the plan, `closest` [m] at least."""
         closest = self._at(x)[1] if closest is None else closest
-        found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.behind)
+        pose = self.pose(x)
+        walls_at = kept_off(self.static.kernels)
+        found: tuple[Any, ...] = walls_at(self.static, pose, closest, self.slack, self.behind)
         if self.moving.J == 0:
             return found
-        rows = self.moving.walls(x[0], x[1], self.time + s, TUNING.drift_near * self.offset)
-        return tuple(with_walls(found, rows, len(rows), closest))
+        rows = self.moving.walls(pose[0], pose[1], self.time + s, TUNING.drift_near * self.offset)
+        return tuple(merging(len(pose))(found, rows, len(rows), closest))
+
+    def pose(self, x: Array) -> tuple[float, ...]:
+        """Take the pose of a state (n,)."""
+        return tuple(x[list(self.problem.dynamics.reads(self.static.kernels.turns))].tolist())
+
+    def gains(self, x: Array) -> Array:
+        """Return the rows of G at x (n,) that move the pose, (k, m); those that are zero for good are zero."""
+        d = self.problem.dynamics
+        G = np.zeros((d.n, d.m))
+        G[d.n - d.rows :] = d.G_c(x)
+        return G[list(d.reads(self.static.kernels.turns))]
 
     def _at(self, x: Array) -> tuple[Array, float]:
         """Return lambda R^-1 G' = G^-1 BB' at x (n,), and the distance of walls below which drift stays constant."""
@@ -157,16 +172,25 @@ class WallDrift:
         return self.problem.dynamics.control_gain(x) @ B.T, closest
 
 
-@kernel
-def _walls_at(field, x, y, closest, slack, behind):  # type: ignore[no-untyped-def]
-    """Return `two_walls` at (x, y), the nearest `slack` and both `behind` farther, none nearer than `closest` [m]."""
-    c, nx, ny, d, mx, my = two_walls(field, x, y)
+@cache
+def kept_off(space: SpaceKernels) -> Any:
+    """Build the kernel (static, pose, closest, slack, behind) of the two nearest walls.
 
-    c = np.float32(c + slack + behind)
-    d = np.float32(d + behind)
-    least = np.float32(closest)
+    The nearest is `slack` and both are `behind` farther, none is nearer than `closest` [m].
+    """
+    two_walls = space.walls
 
-    return max(c, least), nx, ny, max(d, least), mx, my
+    @kernel
+    def walls_at(static, pose, closest, slack, behind):  # type: ignore[no-untyped-def]
+        c, n, d, m = two_walls(static, pose)
+
+        c = np.float32(c + slack + behind)
+        d = np.float32(d + behind)
+        least = np.float32(closest)
+
+        return max(c, least), n, max(d, least), m
+
+    return walls_at
 
 
 class FlatWalls(NamedTuple):
@@ -183,16 +207,16 @@ class FlatWalls(NamedTuple):
         then = self.drift.walls(self.x, TUNING.wall_step)
 
         slope = np.zeros(2)
-        velocity = d.G_c(self.x) @ mean
+        velocity = self.drift.gains(self.x) @ mean
         B = d.B_c(self.x)
 
-        for k in (0, 3):
+        for k in (0, 2):
             c = float(now[k])
-            away = np.array(now[k + 1 : k + 3], dtype=float)
+            away = np.array(now[k + 1], dtype=float)
             variance = float(away @ B @ B.T @ away)
             near = variance > 0.0 and 0.0 < c < math.inf
             if near and shortfall(c, 0.0, variance, self.span) >= TUNING.unbiased / c:
-                alike = (j for j in (0, 3) if away @ np.array(then[j + 1 : j + 3], dtype=float) > TUNING.same_wall)
+                alike = (j for j in (0, 2) if away @ np.array(then[j + 1], dtype=float) > TUNING.same_wall)
                 receding = min(((float(then[j]) - c) / TUNING.wall_step for j in alike), key=abs, default=0.0)
                 speed = speed_of((float(away @ velocity) + receding) / variance, c, variance, self.span)
                 slope += away * shortfall(c, speed, variance, self.span)

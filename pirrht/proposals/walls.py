@@ -1,22 +1,20 @@
 """Walls next to guides: the cost of clearance along a step with two derivatives, and the wall drift of a point.
 
-A step leads from one position to another, and where its velocity changes by b, along the parabola that bows by b dt / 8
-from the chord: the point at a share t of it is (1 - t) x_0 + t x_1 + t (1 - t) b dt / 2 with b = v_0 - v_1. Moving
+A step leads from one pose to another, and where its velocity changes by b, along the parabola that bows by b dt / 8
+from the chord: the pose at a share t of it is (1 - t) x_0 + t x_1 + t (1 - t) b dt / 2 with b = v_0 - v_1. Moving
 obstacles count where they are when the step passes a point; each is a wall of its own.
 """
 
-import math
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from pirrht.geometry.field import border, clearance, two_walls, with_slope
-from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels, with_walls
+from pirrht.geometry.space import SpaceKernels
+from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels, merging
+from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.proposals.tuning import TUNING
-
-STATIC = 6  # static walls at one place: two components and four sides of the border
 
 
 @inlined
@@ -36,66 +34,50 @@ def barrier(c, task):  # type: ignore[no-untyped-def]
     return value, rise + bend * below - down, bend
 
 
-@borrowing
-def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
-    """Write clearance and direction away (x, y) of the walls nearer than `margin` [m] to `walls`; return their number.
-
-    They are the two nearest components and the sides of the border; all at most STATIC.
-    """
-    count = 0
-    for side in range(4 if border(field, x, y) < margin else 0):
-        c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
-        if c < margin:
-            walls[count, 0], walls[count, 1] = c, (1.0, -1.0, 0.0, 0.0)[side]
-            walls[count, 2] = (0.0, 0.0, 1.0, -1.0)[side]
-            count += 1
-    for k in range(2):
-        c, nx, ny = with_slope(field, field.nearest if k == 0 else field.second, x, y)
-        if c >= margin:
-            break
-        walls[count, 0], walls[count, 1], walls[count, 2] = c, nx, ny
-        count += 1
-    return count
-
-
 @cache
-def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
-    """Build the kernels `scratch`, `cost` and `expand` of the clearance cost, with or without moving obstacles."""
+def clearance_costs(space: SpaceKernels, numbers: int, moving: MovingKernels | None) -> tuple[Any, Any, Any]:
+    """Build the kernels `scratch`, `cost` and `expand` of the clearance cost, with or without moving obstacles.
+
+    Poses have so many `numbers`. A step is (pose, change, loss, begin, dt): pose and displacement, loss of their rates,
+    and times [s].
+    """
     among = moving is not None
     watch, _, moving_walls, *_ = moving or NOTHING_MOVES
+    clearance, static_walls, most, turns = space.clearance, space.near, space.near_most, numbers > space.position
+    combined, extent, wide = vectors.combined(numbers), space.extent, max(WALL, 1 + numbers)
 
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
         """Allocate the walls at one place, and notes on moving obstacles."""
-        return np.empty((STATIC + setup.world.moving.J, WALL)), watch(setup.world.moving)
+        return np.empty((most + setup.world.moving.J, wide)), watch(setup.world.moving)
 
     @borrowing
     def walls_at(setup, task, step, t, space):  # type: ignore[no-untyped-def]
         """Write the walls at a share t of a step; return their number, and the weight of its bow there [s]."""
-        (x, y, dx, dy, bx, by, begin, dt), (walls, notes) = step, space
+        (pose, change, loss, begin, dt), (walls, notes) = step, space
         w = 0.5 * t * (1.0 - t) * dt
-        at = x + t * dx + w * bx
-        to = y + t * dy + w * by
-        count = static_walls(setup.world.field, task.margin, at, to, walls)
+        at = combined(1.0, combined(1.0, pose, t, change), w, loss)
+        count = static_walls(setup.world.static, at, task.margin, walls)
         if among:
             rows = walls[count:]
-            count += moving_walls(setup.world.moving, notes, at, to, begin + t * dt, task.margin, rows)[0]
+            more = moving_walls(setup.world.moving, notes, at[0], at[1], begin + t * dt, task.margin, rows)[0]
+            for k in range(more if turns else 0):
+                rows[k, 3] = 0.0  # no heading brings it nearer
+            count += more
         return count, w
 
     @borrowing
     def unpriced(setup, task, step):  # type: ignore[no-untyped-def]
         """Check whether no wall has a price anywhere on a step, by the clearance of its middle."""
-        x, y, dx, dy, bx, by, _, dt = step
+        pose, change, loss, _, dt = step
         w = 0.125 * dt
-        most = task.margin + 0.5 * math.sqrt(dx * dx + dy * dy) + w * math.sqrt(bx * bx + by * by)
-        return clearance(setup.world.field, x + 0.5 * dx + w * bx, y + 0.5 * dy + w * by) > most
+        middle = combined(1.0, combined(1.0, pose, 0.5, change), w, loss)
+        far = task.margin + 0.5 * extent(setup.world.static, change) + w * extent(setup.world.static, loss)
+        return clearance(setup.world.static, middle) > far
 
     @borrowing
     def cost(setup, task, step, points, space):  # type: ignore[no-untyped-def]
-        """Return the clearance cost of a step [cost] at some points, its end the last.
-
-        A step is (x, y, dx, dy, bx, by, begin, dt): start and displacement [m], loss of velocity [m/s], times [s].
-        """
+        """Return the clearance cost of a step [cost] at some points, its end the last."""
         total, walls = 0.0, space[0]
         if not among and unpriced(setup, task, step):
             return 0.0
@@ -103,11 +85,11 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
             count, _ = walls_at(setup, task, step, k / points, space)
             for i in range(count):
                 total += barrier(walls[i, 0], task)[0]
-        return task.price * total * step[7] / points
+        return task.price * total * step[4] / points
 
     @borrowing
     def expand(setup, task, step, points, space, g, H):  # type: ignore[no-untyped-def]
-        """Differentiate `cost` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
+        """Differentiate `cost` in both poses and b: gradient to g (3 k,), Gauss-Newton Hessian to H (3 k, 3 k).
 
         Returns: whether there are any walls; otherwise nothing is written.
         """
@@ -118,36 +100,35 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
             t = k / points
             count, w = walls_at(setup, task, step, t, space)
             share = (1.0 - t, t, w)
-            scale = task.price * step[7] / points
+            scale = task.price * step[4] / points
 
             for e in range(count):
                 if not found:
                     g[:], H[:, :], found = 0.0, 0.0, True
                 _, rise, bend = barrier(walls[e, 0], task)
-                nx, ny = walls[e, 1], walls[e, 2]
                 for i in range(3):
                     one = scale * share[i]
-                    g[2 * i] += one * rise * nx
-                    g[2 * i + 1] += one * rise * ny
+                    for a in range(numbers):
+                        g[numbers * i + a] += one * rise * walls[e, 1 + a]
                     for j in range(3):
                         both = one * bend * share[j]
-                        H[2 * i, 2 * j] += both * nx * nx
-                        H[2 * i, 2 * j + 1] += both * nx * ny
-                        H[2 * i + 1, 2 * j] += both * nx * ny
-                        H[2 * i + 1, 2 * j + 1] += both * ny * ny
+                        for a in range(numbers):
+                            for b in range(numbers):
+                                square = both * walls[e, 1 + min(a, b)] * walls[e, 1 + max(a, b)]
+                                H[numbers * i + a, numbers * j + b] += square
         return found
 
     return scratch, cost, expand
 
 
 @cache
-def drift_along(moving: MovingKernels) -> Any:
-    """Build the kernel (setup, places (k, 2), times (k,), offset) of wall drift along a guide.
+def drift_along(space: SpaceKernels, moving: MovingKernels) -> Any:
+    """Build the kernel (setup, places (k, 2), times (k,), offset) of a point's wall drift along a guide.
 
     It returns the slope of log psi (k, 2) [1/m] by near walls of an offset [m], and its derivatives (k, 2, 2) [1/m^2],
     at places [m] and at times [s] on the clock of moving obstacles.
     """
-    watch, near = moving.watch, moving.walls
+    watch, near, two_walls, with_walls = moving.watch, moving.walls, space.walls, merging(2)
 
     @kernel
     def drift(setup, places, times, offset):  # type: ignore[no-untyped-def]
@@ -162,8 +143,8 @@ def drift_along(moving: MovingKernels) -> Any:
         for i in range(k):
             x, y = places[i]
             count, _ = near(setup.world.moving, notes, x, y, times[i], within, rows)
-            c, nx, ny, d, mx, my = with_walls(two_walls(setup.world.field, x, y), rows, count, 0.0)
-            for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
+            c, n, d, m = with_walls(two_walls(setup.world.static, (x, y)), rows, count, 0.0)
+            for gap, (wx, wy) in ((c, n), (d, m)):
                 least = max(float(gap), TUNING.drift_gap * offset)
                 push = offset / (least * (least + offset))
                 fall = -push * (1.0 / least + 1.0 / (least + offset))

@@ -16,6 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.space import SpaceKernels
 from pirrht.geometry.world import MovingKernels, World
 from pirrht.jit.jit import as_jitable, kernel, over_ranges
 from pirrht.problem import Problem, unit_rate
@@ -91,7 +92,7 @@ class Cpu(NamedTuple):
     @classmethod
     def of(cls, problem: Problem, world: World, threads: int | None = None, *, fitted: bool = True) -> Cpu:
         """Choose the kernels of a problem, by default one thread per core of this process, for `Sampling.fitted`."""
-        kernels = kernels_for(problem, world.moving.kernels, fitted=fitted)
+        kernels = kernels_for(problem, world.static.kernels, world.moving.kernels, fitted=fitted)
         return cls(kernels, threads or len(os.sched_getaffinity(0)))
 
     def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
@@ -148,15 +149,19 @@ class Cpu(NamedTuple):
         return states, applied, steps
 
 
-def kernels_for(problem: Problem, moving: MovingKernels | None = None, *, fitted: bool = True) -> Kernels:
+def kernels_for(
+    problem: Problem, space: SpaceKernels, moving: MovingKernels | None = None, *, fitted: bool = True
+) -> Kernels:  # fmt: skip
     """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate (`kind_of`)."""
-    if Traits.of(problem).in_blocks(moving is not None):
+    if space.isotropic and Traits.of(problem).in_blocks(moving is not None):
         return Kernels(sample, replay, TUNING.alone_points)
-    return loops(*any_path(kind_of(problem, moving, fitted=fitted)), problem.dynamics.m)
+    return loops(*any_path(kind_of(problem, space, moving, fitted=fitted)), problem.dynamics.m)
 
 
-def kind_of(problem: Problem, moving: MovingKernels | None = None, *, fitted: bool = True) -> KernelSpec:
-    """Describe a problem for which kernels are compiled, kernels of its moving obstacles, and `Sampling.fitted`."""
+def kind_of(
+    problem: Problem, space: SpaceKernels, moving: MovingKernels | None = None, *, fitted: bool = True
+) -> KernelSpec:  # fmt: skip
+    """Describe a problem, kernels of its footprint and moving obstacles, and `Sampling.fitted`."""
     d = problem.dynamics
     traits = Traits.of(problem)
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
@@ -167,7 +172,8 @@ def kind_of(problem: Problem, moving: MovingKernels | None = None, *, fitted: bo
         drift=as_jitable(d.drift),
         control_block=None if traits.constant_gain else as_jitable(_function(d.control_block)),
         diffusion_block=None if traits.constant_blocks else as_jitable(_function(noise)),
-        q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, traits=traits,
+        q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, traits=traits, space=space,
+        reads=d.reads(space.turns),
         angles=sum(1 << i for i in d.angles), homing=as_jitable(homing), stratonovich=d.stratonovich, moving=moving,
         curved_step=traits.drifts and not traits.noisy_position and fitted,
     )  # fmt: skip

@@ -4,15 +4,12 @@ import math
 from functools import cache
 from typing import Any
 
+from pirrht.geometry.space import COLLISION, GOAL, INSIDE, pose_at
 from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import part
 from pirrht.jit.streams import normals
-from pirrht.rollouts.step import KernelSpec
-
-from pirrht.rollouts.first_exit import (  # isort: skip
-    COLLISION, GOAL, INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, line_of, rim_along, sweep_exit,
-    towards_exit,
-)  # fmt: skip
+from pirrht.rollouts.first_exit import at_crossing
+from pirrht.rollouts.step import KernelSpec, in_plane, pose_noise
 
 
 @cache
@@ -24,9 +21,12 @@ def ended_for(kind: KernelSpec) -> Any:
     along_line = kind.along_line
 
     isotropic = kind.traits.point  # the noise of a step is its displacement; then an exit cuts both alike
+    pose, flat, noise = pose_at(kind.reads), in_plane(len(kind.reads)), pose_noise(kind)
+    towards_exit, rim = kind.space.exit, kind.space.rim
+    px, py = kind.reads[:2]
 
     @part
-    def in_plane(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
+    def as_point(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
         """End a step whose noise is its displacement; `moving_wall`: row 0 of moving walls is met."""
         x = scratch.x
         moved = scratch.moved
@@ -41,7 +41,7 @@ def ended_for(kind: KernelSpec) -> Any:
             gap, ux, uy, vx, vy = scratch.walls[0]
             met = max(gap, 0.0) - share * dt * ((vx - f[0]) * ux + (vy - f[1]) * uy), -ux, -uy
         else:
-            met = towards_exit(arena, x[0], x[1], exit)
+            met = towards_exit(arena, pose(x), exit)
         radius = arena.radius if exit == GOAL else 0.0
         state, dx, dy = at_crossing(met, radius, (dx, dy), share, math.sqrt(variance), state)
         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / variance
@@ -54,27 +54,26 @@ def ended_for(kind: KernelSpec) -> Any:
     @part
     def on_line(scratch, arena, dt, share, rates, state):  # type: ignore[no-untyped-def]
         """End a step along a line at the goal's rim; other noise is that of a bridge."""
-        xx, xy, yy = rates
         x = scratch.x
         moved = scratch.moved
         y = scratch.y
         B = scratch.B
         column = scratch.column
 
-        ex, ey, alone = line_of((xx * dt, xy * dt, yy * dt))
+        (ex, ey), to_rim, alone = rim(arena, pose(x), noise.scaled(rates, dt))
         if not alone:
             return state, dt
+        xx, _, yy = flat(rates)
         size = xx + yy
-        to_rim = rim_along(arena, x[0], x[1], ex, ey)
         spread, noisy, other = math.sqrt(share * (1.0 - share) * dt), 0.0, 0.0
         for j in range(m):
             z = other
             if j % 2 == 0:
                 state, z, other = normals(state)
             column[j] = z
-            noisy += (B[0, j] * ex + B[1, j] * ey) * (share * y[j] + spread * z)
+            noisy += (B[px, j] * ex + B[py, j] * ey) * (share * y[j] + spread * z)
         for j in range(m):
-            along = (B[0, j] * ex + B[1, j] * ey) / size
+            along = (B[px, j] * ex + B[py, j] * ey) / size
             y[j] = share * y[j] + spread * column[j] + along * (to_rim - noisy)
         for j in range(n):
             moved[j] = x[j]
@@ -84,9 +83,9 @@ def ended_for(kind: KernelSpec) -> Any:
 
     @part
     def ended(scratch, arena, dt, exit, share, rates, moving_wall, state):  # type: ignore[no-untyped-def]
-        xx, xy, yy = rates
+        xx, xy, yy = flat(rates)
         if isotropic and xy * dt == 0.0 and xx * dt == yy * dt:
-            return in_plane(scratch, arena, dt, exit, share, xx * dt, moving_wall, state)
+            return as_point(scratch, arena, dt, exit, share, xx * dt, moving_wall, state)
         if along_line and exit == GOAL:
             return on_line(scratch, arena, dt, share, rates, state)
         return state, dt
@@ -106,6 +105,9 @@ def exits(kind: KernelSpec) -> Any:
     among = kind.moving or NOTHING_MOVES
     ended = ended_for(kind)
     bridge_among, sweep_among, clearance_among = among.bridge, among.sweep, among.clearance
+    space = kind.space
+    bridge, sweep, end, distances = space.bridge, space.sweep, space.end, space.distances
+    pose, flat, scaled = pose_at(kind.reads), in_plane(len(kind.reads)), pose_noise(kind).scaled
 
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]
@@ -113,22 +115,20 @@ def exits(kind: KernelSpec) -> Any:
         (dt, now), (before, room), weighed = step, clear, tables.weighed
 
         arena = setup.world
-        x = scratch.x[0]
-        y = scratch.x[1]
-        mx = scratch.moved[0]
-        my = scratch.moved[1]
+        here = pose(scratch.x)
+        there = pose(scratch.moved)
 
-        cov = (rates[0] * dt, rates[1] * dt, rates[2] * dt)
-        after = distances(arena, mx, my)
+        cov = scaled(rates, dt)
+        after = distances(arena, there)
         wall = False
         until = dt
 
-        state, exit, share, missed = bridge_exit(arena, (x, y, mx, my), before, after, cov, weighed, state, along_line)
+        state, exit, share, missed = bridge(arena, here, there, before, after, cov, weighed, state, along_line)
         if moving:
-            way = (x, y, mx, my)
+            way = (here[0], here[1], there[0], there[1])
             rule = (along_line, weighed)
             state, hit, alive = bridge_among(
-                setup.world.moving, scratch.watch, way, now, dt, cov, rule, state, scratch.walls
+                setup.world.moving, scratch.watch, way, now, dt, flat(cov), rule, state, scratch.walls
             )
             if hit <= 1.0 and (exit == INSIDE or hit < share):
                 exit, share, wall = COLLISION, hit, True
@@ -143,16 +143,15 @@ def exits(kind: KernelSpec) -> Any:
         """Judge a step without position noise along its path: exit, share, and what is clear at its end."""
         (dt, now), (arrived, ahead, turn, _), (before, room) = step, move, clear
 
-        x = scratch.x[0]
-        y = scratch.x[1]
-        mx = scratch.moved[0]
-        my = scratch.moved[1]
+        here = pose(scratch.x)
+        there = pose(scratch.moved)
 
         exit, share = GOAL, ahead
         if not arrived:
-            exit, share, room = sweep_exit(setup.world, x, y, mx, my, turn, room)
+            exit, share, room = sweep(setup.world, here, there, turn, room)
         if moving:
-            hit = sweep_among(setup.world.moving, scratch.watch, (x, y, mx, my, turn), now, dt, share)
+            way = (here[0], here[1], there[0], there[1], turn)
+            hit = sweep_among(setup.world.moving, scratch.watch, way, now, dt, share)
             if hit <= share:
                 exit, share = COLLISION, hit
         return exit, share, (before, room)
@@ -161,12 +160,11 @@ def exits(kind: KernelSpec) -> Any:
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]
         (dt, now), until = step, 0.0 if move[0] else step[0]
         if not setup.bridge:
-            mx = scratch.moved[0]
-            my = scratch.moved[1]
-            exit = endpoint_exit(setup.world, mx, my)
-            if moving and clearance_among(setup.world.moving, mx, my, now + dt) <= 0.0:
+            there = pose(scratch.moved)
+            exit = end(setup.world, there)
+            if moving and clearance_among(setup.world.moving, there[0], there[1], now + dt) <= 0.0:
                 exit = COLLISION
-            return state, exit, 1.0, until, 0.0, (distances(setup.world, mx, my), clear[1])
+            return state, exit, 1.0, until, 0.0, (distances(setup.world, there), clear[1])
         if noisy_position:
             return on_bridge(setup, tables, scratch, step, move[3], clear, state)
         exit, share, clear = on_path(setup, scratch, step, move, clear)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.jit.jit import jitable, load_float64, part
-from pirrht.rollouts.step import KernelSpec, planar
+from pirrht.rollouts.step import KernelSpec, pose_noise
 from pirrht.rollouts.tables import FINER, law_columns, slope_of, tube_at, tube_of
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import wrapped
@@ -41,7 +41,7 @@ def aims(kind: KernelSpec) -> Any:
     noisy_position = kind.noisy_position
 
     takes_law, gated, moving = kind.takes_law, kind.gated, kind.moving is not None
-    (_, along_noise), homing_of = planar(kind), kind.homing
+    along_noise, homing_of, climbs = pose_noise(kind).along, kind.homing, kind.traits.isotropic_point
     _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
 
     @part
@@ -116,8 +116,8 @@ def aims(kind: KernelSpec) -> Any:
         py = np.float32(scratch.x[1])
 
         stage[g] = tube_at(tube_of(ways, g), stage[g], ways.decay, goal, px, py, scratch.tube, 0, 1)
-        sx, sy = slope_of(scratch.tube, 0, 1, walls)
-        along_noise(scratch.B, sx, sy, scratch.a, g)
+        c, (wx, wy), d, (vx, vy) = walls
+        along_noise(scratch.B, slope_of(scratch.tube, 0, 1, (c, wx, wy, d, vx, vy)), scratch.a, g)
 
     @part
     def along_law(setup, tables, scratch, g, at, headed):  # type: ignore[no-untyped-def]
@@ -152,7 +152,7 @@ def aims(kind: KernelSpec) -> Any:
                 lost[g] = lost[g] or ratio[g] < ratio[h] - TUNING.negligible
             if lost[g]:
                 continue
-            if noisy_position and tables.ways.count[g] > 0:
+            if climbs and tables.ways.count[g] > 0:
                 along_tube(tables, scratch, g, setup.world.goal, walls)
             elif takes_law and tables.law_length[g] > 0:
                 headed = along_law(setup, tables, scratch, g, at, headed)

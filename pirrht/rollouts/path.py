@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.geometry.space import INSIDE, pose_at
 from pirrht.geometry.world import NOTHING_MOVES, WALL
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, kernel, load_float64, part
 from pirrht.jit.streams import antithetic, exposure, stream
 from pirrht.jit.vectors import copy_row, copy_rows, solve
 from pirrht.rollouts.exits import exits
-from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.law import aims
 from pirrht.rollouts.tables import NUMBERS, law_columns
 from pirrht.rollouts.tuning import TUNING
@@ -40,7 +40,7 @@ from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, planar, shapes_for, walls_for,
+    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, pose_noise, shapes_for, walls_for,
 )  # fmt: skip
 
 
@@ -230,7 +230,9 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     moving, begin_watch = kind.moving is not None, (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance = planar(kind)[0]
+    noise = pose_noise(kind)
+    covariance, scaled = noise.covariance, noise.scaled
+    pose, distances, no_walls = pose_at(kind.reads), kind.space.distances, NO_WALLS[len(kind.reads)]
     move = motion(kind)
 
     length_of = length_for(kind)
@@ -259,7 +261,8 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         copy_row(origin.x, scratch.moved)
         if moving:
             begin_watch(scratch.watch)
-            open_sides(tables.marks, setup.world.goal, x[0], x[1], scratch.side, scratch.spot)
+            here = pose(x)
+            open_sides(tables.marks, setup.world.goal, here[0], here[1], scratch.side, scratch.spot)
 
     @part
     def evaluate(setup, tables, scratch, known, before, left, now):  # type: ignore[no-untyped-def]
@@ -276,7 +279,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             drift(x, p, scratch.f)
         dt, close = length_of(setup, tables, scratch, rates, before, left, now)
         if noisy_position and tables.wall_offset > 0.0:
-            walls = push_of(tables, scratch, setup.world, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
+            walls = push_of(tables, scratch, setup.world, scaled(rates, dt), close)
         return rates, dt, walls, close
 
     @part
@@ -284,15 +287,15 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         """Return the additive key of moving obstacles that are passed by a share of step i of the grid."""
         if not moving:
             return np.int64(0)
-        goal, moved = setup.world.goal, scratch.moved
-        return key_among(tables.marks, goal, i, min(share, 1.0), moved[0], moved[1], scratch.side, scratch.spot)
+        goal, there = setup.world.goal, pose(scratch.moved)
+        return key_among(tables.marks, goal, i, min(share, 1.0), there[0], there[1], scratch.side, scratch.spot)
 
     @part
-    def expose(scratch, field, stretch, before, rates, close):  # type: ignore[no-untyped-def]
+    def expose(scratch, static, stretch, before, rates, close):  # type: ignore[no-untyped-def]
         """Judge the stretch of time that ends here: (exposure until now, its time, gap at its beginning)."""
         exposed, since, began = stretch
         if since < 0.0 or since >= TUNING.stretch:
-            gap, deviation = gap_of(scratch, field, before, rates, close)
+            gap, deviation = gap_of(scratch, static, before, rates, close)
             if since > 0.0:
                 exposed += exposure(np.float32(began), np.float32(gap), np.float32(deviation), np.float32(since))
             return exposed, 0.0, gap
@@ -323,8 +326,8 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         key = np.int64(tables.marks.opening if moving else 0)
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
         stretch = 0.0, -1.0, 0.0  # exposure to walls, and what `expose` judges it by
-        known = (covariance(scratch.B), False, NO_WALLS)
-        clear = (distances(setup.world, x[0], x[1]), 0.0)
+        known = (covariance(scratch.B), False, no_walls)
+        clear = (distances(setup.world, pose(x)), 0.0)
 
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
@@ -334,7 +337,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 where = (i, whole, i == 0 and done == 0.0)
                 rates, dt, walls, close = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 if noisy_position:
-                    stretch = expose(scratch, setup.world.field, stretch, clear[0], rates, close)
+                    stretch = expose(scratch, setup.world.static, stretch, clear[0], rates, close)
                 stretch = stretch[0], stretch[1] + dt, stretch[2]
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
@@ -343,7 +346,9 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 state = draw(tables, scratch, state, sign, h, i, dt, shaped)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
-                key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
+                here = pose(x)
+                there = pose(moved)
+                key += key_of_step(setup.cuts, here[0], here[1], there[0], there[1])
                 state, exit, share, until, missed, clear = judge(
                     setup, tables, scratch, (dt, now), motion_of, clear, state
                 )

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
+from pirrht.geometry.disc import bridge as bridge_exit
+from pirrht.geometry.disc import towards_exit
+from pirrht.geometry.space import GOAL, INSIDE
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import antithetic, stream
-from pirrht.rollouts.first_exit import GOAL, INSIDE, at_crossing, bridge_exit, towards_exit
+from pirrht.rollouts.first_exit import at_crossing
 
 from pirrht.rollouts.point_stages import (  # isort: skip
     BEGAN, C0, C1, DT, E0, EXPOSURE, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PUSH0, PUSH1, ROOT,
@@ -39,13 +42,13 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
     step = variance * np.float64(f[DT + k])
     state, outcome, share, lasting = bridge_exit(
-        arena, (x, y, nx, ny), before, after, (step, 0.0, step), weighed, random[k]
+        arena, (x, y), (nx, ny), before, after, (step, 0.0, step), weighed, random[k]
     )
     f[LOG_SURVIVAL + k] += np.float32(lasting)
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
-        met = towards_exit(arena, x, y, outcome)
+        met = towards_exit(arena, (x, y), outcome)
         radius = arena.radius if outcome == GOAL else 0.0
         _, dx, dy = at_crossing(met, radius, (nx - x, ny - y), share, math.sqrt(step), state)
         f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
@@ -204,7 +207,7 @@ def write_controls(setup, tables, around, B, h, scratch, n):  # type: ignore[no-
     ways, active, drift = tables.ways, tables.active, tables.drift.ctypes.data
     H, T, _ = tables.drift.shape
     if tables.wall_offset > 0.0:
-        wall_push(around.field, tables.wall_offset, tables.set_back, B, f, short, n)
+        wall_push(around.static, tables.wall_offset, tables.set_back, B, f, short, n)
     for one in range(H):
         g = h if one == 0 else (one - 1 if one <= h else one)  # a_h first
         if ways.count[g] > 0:

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from pirrht.geometry.field import bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
+from pirrht.geometry.space import COLLISION, GOAL, INSIDE
 from pirrht.geometry.world import World
 from pirrht.jit.jit import inlined, load_float32, load_float64, load_int64
 from pirrht.jit.streams import FAR, GOLDEN, HALF, ONE, TWO, ZERO, exponential, exposure, halves, logarithm, normals_of
 from pirrht.outcome import Outcome
-from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, fitting, wall_slope
+from pirrht.rollouts.first_exit import fitting, wall_slope
 from pirrht.rollouts.tables import NUMBERS, slope_of, tube_at
 from pirrht.rollouts.tuning import TUNING
 from pirrht.topology.crossings import FEW_MARKERS, key_of_step, turn_at_cut
@@ -66,10 +67,10 @@ def scratch_of(H: int) -> tuple[Any, ...]:
 def single(world: World) -> World:
     """Return a world with its numbers in single precision, as stages take it."""
     names = ("x0", "y0", "spacing", "per", "left", "low", "right", "high")
-    numbers: dict[str, Any] = {name: np.float32(getattr(world.field, name)) for name in names}
+    numbers: dict[str, Any] = {name: np.float32(getattr(world.static, name)) for name in names}
     goal: Any = tuple(map(np.float32, world.goal))
     radius: Any = np.float32(world.radius)
-    return world._replace(field=world.field._replace(**numbers), goal=goal, radius=radius)
+    return world._replace(static=world.static._replace(**numbers), goal=goal, radius=radius)
 
 
 @inlined
@@ -279,7 +280,7 @@ def locate(field, f, short, n):  # type: ignore[no-untyped-def]
 @inlined
 def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
     """Measure `distances` of the ends of the steps from obstacles, border and goal; arena: `single`."""
-    field, (gx, gy), radius = arena.field, arena.goal, arena.radius
+    field, (gx, gy), radius = arena.static, arena.goal, arena.radius
     locate(field, f, short, n)
     corners(field, field.nearest, f, short, CORNER, n)
     for k in range(n):

@@ -10,19 +10,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.geometry.field import two_walls
-from pirrht.geometry.world import NOTHING_MOVES, MovingKernels, with_walls
+from pirrht.geometry.space import GOAL, SpaceKernels, pose_at
+from pirrht.geometry.world import NOTHING_MOVES, MovingKernels, merging
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, part
 from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, fill_normals
 from pirrht.jit.vectors import copy_row
-from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
+from pirrht.rollouts.first_exit import fitting, slope_for, turn_of
 from pirrht.rollouts.tables import law_columns
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.traits import Traits
 
-NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
+NO_WALLS = {2: (ONE, (ZERO, ZERO), ONE, (ZERO, ZERO)), 3: (ONE, (ZERO, ZERO, ZERO), ONE, (ZERO, ZERO, ZERO))}
 SWAY = 1.0 / math.sqrt(12.0)  # deviation of the mean of a step's noise from its middle, in deviations of the noise
 
 
@@ -36,6 +36,8 @@ class KernelSpec(NamedTuple):
     n: int  # states
     m: int  # controls
     traits: Traits  # of the system
+    space: SpaceKernels  # kernels of what is static, for the robot's footprint
+    reads: tuple[int, ...]  # indices of the states that they read: the position, and perhaps the heading
     angles: int = 0  # bit k: the k-th state is a heading
     homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
     stratonovich: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
@@ -118,14 +120,16 @@ def gap_for(kind: KernelSpec) -> Any:
     Where noise acts along a line both are over the share of it that the wall faces (`facing`).
     """
     along_line = kind.along_line
+    facing, spread = kind.space.facing, kind.space.spread
+    pose, flat = pose_at(kind.reads), in_plane(len(kind.reads))
 
     @part
-    def gap_of(scratch, field, before, rates, close):  # type: ignore[no-untyped-def]
-        gap, (xx, _, yy) = min(before[0], before[1]), rates
+    def gap_of(scratch, static, before, rates, close):  # type: ignore[no-untyped-def]
+        gap = min(before[0], before[1])
         if along_line:
-            gap = min(facing(field, scratch.x[0], scratch.x[1], rates), before[1])
-        gap = min(gap, gap_among(scratch.walls, close, rates, along_line))
-        return max(gap, 0.0), math.sqrt(xx + yy if along_line else max(xx, yy))
+            gap = min(facing(static, pose(scratch.x), rates), before[1])
+        gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
+        return max(gap, 0.0), math.sqrt(spread(static, rates, along_line))
 
     return gap_of
 
@@ -148,30 +152,32 @@ def gap_among(walls, count, cov, along_line):  # type: ignore[no-untyped-def]
 def length_for(kind: KernelSpec) -> Any:
     """Build the kernel that fits a step to the clearance, and writes moving walls near it: (dt, how many)."""
     moving, along_line, near = kind.moving is not None, kind.along_line, (kind.moving or NOTHING_MOVES).walls
+    facing, spread = kind.space.facing, kind.space.spread
+    pose, flat = pose_at(kind.reads), in_plane(len(kind.reads))
 
     @part
     def narrowest(tables, scratch, arena, rates, before, left, close):  # type: ignore[no-untyped-def]
         """Return the distance that the step is fitted to, and what fitting scales its square by."""
-        (xx, xy, yy), x = rates, scratch.x
-        scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
+        scale = 1.0 / (9.0 * spread(arena.static, rates, along_line))
         gap = before[0]
 
         if along_line and gap > 0.0 and scale * gap * gap < left:
-            gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
+            gap = facing(arena.static, pose(scratch.x), rates)
         if moving:
-            gap = min(gap, gap_among(scratch.walls, close, rates, along_line))
+            gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
         return max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0), scale
 
     @part
     def fitted(setup, tables, scratch, rates, before, left, now):  # type: ignore[no-untyped-def]
-        x = scratch.x
         close = 0
         until = np.inf
         dt = left
 
         if moving:  # as far as noise carries a path that is not to be split, or walls push
-            within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), TUNING.push_cutoff * tables.wall_offset)
-            close, until = near(setup.world.moving, scratch.watch, x[0], x[1], now, within, scratch.walls)
+            here = pose(scratch.x)
+            reach = 3.0 * math.sqrt(spread(setup.world.static, rates, False) * left)
+            within = max(reach, TUNING.push_cutoff * tables.wall_offset)
+            close, until = near(setup.world.moving, scratch.watch, here[0], here[1], now, within, scratch.walls)
         if tables.least < left:
             narrow, scale = narrowest(tables, scratch, setup.world, rates, before, left, close)
             dt = fitting(narrow, left, tables.least, scale)
@@ -187,50 +193,104 @@ def length_for(kind: KernelSpec) -> Any:
 
 
 @cache
-def planar(kind: KernelSpec) -> tuple[Any, Any]:
-    """Build kernels of B's rows of the position: (B) for the covariance (xx, xy, yy) per second, and B' s for a row."""
+def in_plane(width: int) -> Any:
+    """Build the kernel that takes (xx, xy, yy) of the covariance of a pose of two or three numbers."""
+
+    @part
+    def of_two(cov):  # type: ignore[no-untyped-def]
+        return cov
+
+    @part
+    def of_three(cov):  # type: ignore[no-untyped-def]
+        return cov[0], cov[1], cov[3]
+
+    return of_two if width == 2 else of_three
+
+
+class PoseNoise(NamedTuple):
+    """Kernels of the rows of B that act on a pose."""
+
+    covariance: Any  # (B): covariance of the pose per second, as `SpaceKernels` take it
+    scaled: Any  # (rates, dt): that over a time
+    row: Any  # (B, j): column j of these rows
+    along: Any  # (B, slope, out, g): write B' s of a slope, a direction, to row g of out (.., m or more)
+
+
+@cache
+def pose_noise(kind: KernelSpec) -> PoseNoise:
+    """Build the kernels of the rows of B that act on a pose; rows that B lacks are zero."""
     m, fixed = kind.m, kind.n - kind.rows
+    i, j, k = (*(at - fixed for at in kind.reads), 0)[:3]
+    of_dot = vectors.dot(len(kind.reads))
 
     @part
-    def row(B, j):  # type: ignore[no-untyped-def]
-        return B[0 - fixed, j] if fixed <= 0 else 0.0, B[1 - fixed, j] if fixed <= 1 else 0.0
+    def two(B, c):  # type: ignore[no-untyped-def]
+        return B[i, c] if i >= 0 else 0.0, B[j, c] if j >= 0 else 0.0
 
     @part
-    def covariance(B):  # type: ignore[no-untyped-def]
+    def three(B, c):  # type: ignore[no-untyped-def]
+        return B[i, c] if i >= 0 else 0.0, B[j, c] if j >= 0 else 0.0, B[k, c] if k >= 0 else 0.0
+
+    row = two if len(kind.reads) == 2 else three
+
+    @part
+    def of_two(B):  # type: ignore[no-untyped-def]
         xx, xy, yy = 0.0, 0.0, 0.0
-        for j in range(m):
-            bx, by = row(B, j)
+        for c in range(m):
+            bx, by = row(B, c)
             xx += bx * bx
             xy += bx * by
             yy += by * by
         return xx, xy, yy
 
     @part
-    def along_noise(B, sx, sy, out, g):  # type: ignore[no-untyped-def]
-        """Write B' s of a slope (x, y) [1/m] to row g of out (.., m or more)."""
-        for j in range(m):
-            bx, by = row(B, j)
-            out[g, j] = bx * sx + by * sy
+    def of_three(B):  # type: ignore[no-untyped-def]
+        xx, xy, xt, yy, yt, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for c in range(m):
+            bx, by, bt = row(B, c)
+            xx += bx * bx
+            xy += bx * by
+            xt += bx * bt
+            yy += by * by
+            yt += by * bt
+            tt += bt * bt
+        return xx, xy, xt, yy, yt, tt
 
-    return covariance, along_noise
+    @part
+    def scaled_two(rates, dt):  # type: ignore[no-untyped-def]
+        return rates[0] * dt, rates[1] * dt, rates[2] * dt
+
+    @part
+    def scaled_three(rates, dt):  # type: ignore[no-untyped-def]
+        return rates[0] * dt, rates[1] * dt, rates[2] * dt, rates[3] * dt, rates[4] * dt, rates[5] * dt
+
+    @part
+    def along(B, slope, out, g):  # type: ignore[no-untyped-def]
+        for c in range(m):
+            out[g, c] = of_dot(row(B, c), slope)
+
+    if len(kind.reads) == 2:
+        return PoseNoise(of_two, scaled_two, row, along)
+    return PoseNoise(of_three, scaled_three, row, along)
 
 
 @cache
 def walls_for(kind: KernelSpec) -> Any:
     """Build the kernel that writes the drift of the two nearest walls, B' grad log psi there, and returns those."""
     moving = kind.moving is not None
-    _, along_noise = planar(kind)
+    two_walls, spread = kind.space.walls, kind.space.spread
+    pose, slope, with_walls = pose_at(kind.reads), slope_for(len(kind.reads)), merging(len(kind.reads))
+    along_noise = pose_noise(kind).along
 
     @part
     def push_of(tables, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
-        c, wx, wy, d, vx, vy = two_walls(arena.field, scratch.x[0], scratch.x[1])
-        widest = np.float32(0.5 * math.sqrt(max(cov[0], cov[2])))
+        c, n, d, m = two_walls(arena.static, pose(scratch.x))
+        widest = np.float32(0.5 * math.sqrt(spread(arena.static, cov, False)))
         shift = np.float32(tables.set_back)
-        walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
+        walls = (max(c + shift, widest), n, max(d + shift, widest), m)
         if moving and close > 0:
             walls = with_walls(walls, scratch.walls, close, np.float64(widest))
-        sx, sy = wall_slope(*walls, tables.wall_offset)
-        along_noise(scratch.B, sx, sy, scratch.wall_drift, 0)
+        along_noise(scratch.B, slope(walls, tables.wall_offset), scratch.wall_drift, 0)
         return walls
 
     return push_of
@@ -243,7 +303,7 @@ def shapes_for(kind: KernelSpec) -> Any:
     Where noise acts on the position, that of a step which ends at a crossing counts until then only. So steps that are
     split near walls have the covariance of the passive noise, and those that may enter the goal.
     """
-    noisy_position, gated = kind.noisy_position, kind.gated
+    noisy_position, gated, flat = kind.noisy_position, kind.gated, in_plane(len(kind.reads))
 
     @part
     def shapes(setup, dt, whole, rates, to_goal):  # type: ignore[no-untyped-def]
@@ -252,7 +312,8 @@ def shapes_for(kind: KernelSpec) -> Any:
         if not noisy_position:
             return True
         way = TUNING.entering * math.sqrt(2.0 * setup.least_rate) * dt + TUNING.deviations * math.sqrt(dt)
-        return dt == whole and to_goal > way * math.sqrt(rates[0] + rates[2])
+        xx, _, yy = flat(rates)
+        return dt == whole and to_goal > way * math.sqrt(xx + yy)
 
     return shapes
 
@@ -313,7 +374,10 @@ def motion(kind: KernelSpec) -> Any:
     drifting = drift is not no_drift
     varying = kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance = planar(kind)[0]
+    covariance = pose_noise(kind).covariance
+    pose, sweep = pose_at(kind.reads), kind.space.sweep
+    onward = vectors.combined(len(kind.reads))
+    px, py = kind.reads[:2]
 
     @part
     def shaken(scratch, share):  # type: ignore[no-untyped-def]
@@ -360,10 +424,11 @@ def motion(kind: KernelSpec) -> Any:
     def arrives(setup, scratch, dt):  # type: ignore[no-untyped-def]
         """Check whether the step enters the goal straight ahead, then without noise; return its share until then."""
         x, f, arena = scratch.x, scratch.f, setup.world
-        within = arena.radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
-        if (x[0] - arena.goal[0]) ** 2 + (x[1] - arena.goal[1]) ** 2 >= within * within:
+        here = pose(x)
+        within = arena.radius + math.sqrt(f[px] * f[px] + f[py] * f[py]) * dt
+        if (here[0] - arena.goal[0]) ** 2 + (here[1] - arena.goal[1]) ** 2 >= within * within:
             return False, 1.0
-        exit, ahead, _ = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+        exit, ahead, _ = sweep(arena, here, onward(1.0, here, dt, pose(f)), 0.0, 0.0)
         for j in range(m if exit == GOAL else 0):
             scratch.y[j] = 0.0
         return exit == GOAL, ahead
@@ -393,7 +458,7 @@ def motion(kind: KernelSpec) -> Any:
         arrived = False
         ahead = 1.0
         turn = 0.0
-        vx, vy = f[0], f[1]
+        vx, vy = f[px], f[py]
 
         if not noisy_position and setup.bridge:
             arrived, ahead = arrives(setup, scratch, dt)
@@ -406,7 +471,7 @@ def motion(kind: KernelSpec) -> Any:
         shaken(scratch, 1.0)
         if curved_step and not arrived:  # between two steps its velocity changes, and its path is no chord
             drift(moved, setup.parameters, f)
-            turn = turn_of(vx, vy, f[0], f[1], moved[0] - x[0], moved[1] - x[1], dt)
+            turn = turn_of(vx, vy, f[px], f[py], moved[px] - x[px], moved[py] - x[py], dt)
         return arrived, ahead, turn, rates
 
     return move

@@ -324,4 +324,5 @@ def slope_along(tubes, g, goal, x, y, walls, out):  # type: ignore[no-untyped-de
     tube = tube_of(tubes, g)
 
     tube_at(tube, 0, tubes.decay, goal, x, y, numbers, 0, 1)
-    out[0], out[1] = slope_of(numbers, 0, 1, walls)
+    c, (nx, ny), d, (mx, my) = walls
+    out[0], out[1] = slope_of(numbers, 0, 1, (c, nx, ny, d, mx, my))

@@ -7,7 +7,6 @@ class RolloutTuning(NamedTuple):
     """Numbers that trade accuracy of rollouts against time; measured on the scenes of the benchmarks."""
 
     rim: float = 0.3  # share of the goal's radius: steps nearer to the rim get no finer, since psi is smooth there
-    line: float = 1e-9  # det / trace^2 of a covariance below which noise counts as along a line; rounding
     stretch: float = 0.0041  # time over which exposure to walls is judged, between fine steps: less varies more [s]
     arc: float = 1.0  # a step without position noise is swept along an arc of at most this angle; a chord beyond [rad]
     wall_reach: float = 1.0  # reach of walls next to the goal, behind the last cross-section, in decay lengths 1/k

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import FREE, LEAST_STEP, UNSURE
-from pirrht.geometry.field import clearance
+from pirrht.geometry.space import FREE, LEAST_STEP, UNSURE, StateKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.jit.vectors import copy_row
 from pirrht.steering.edges import EdgeChecker, judge_with
@@ -52,7 +51,7 @@ def cheapest_chain(
 
 
 def plain_chain(
-    distance: Callable[..., Any], connect: Connect, motion: MotionKernels, shift: Any
+    distance: Callable[..., Any], connect: Connect, motion: MotionKernels, states: StateKernels, shift: Any
 ) -> Callable[..., Array]:
     """Build a chain in plain Python, by the cost between two states (n,) and their optimal motion."""
 
@@ -62,23 +61,28 @@ def plain_chain(
     def optimum(tails: Array, heads: Array, numbers: tuple[float, ...]) -> Any:
         return copied(connect(tails, heads))
 
-    return _chain(cost, optimum, motion, shift, lambda function: function)
+    return _chain(cost, optimum, motion, states, shift, lambda function: function)
 
 
 @cache
-def compiled_chain(cost: Number, connect: Any, motion: MotionKernels, shift: Any, n: int) -> Callable[..., Array]:
+def compiled_chain(
+    cost: Number, connect: Any, motion: MotionKernels, states: StateKernels, shift: Any, n: int
+) -> Callable[..., Array]:  # fmt: skip
     """Build a chain in compiled code, by kernels of a `CompiledSteering` for states of n numbers."""
 
     @inlined
     def cost_of_rows(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
         return cost(as_tuple(tail, n), as_tuple(head, n), numbers, limit)
 
-    return _chain(cost_of_rows, connect, motion, shift, kernel)
+    return _chain(cost_of_rows, connect, motion, states, shift, kernel)
 
 
-def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, part: Any) -> Callable[..., Array]:
+def _chain(
+    cost_of: Number, connect: Any, motion: MotionKernels, kernels: StateKernels, shift: Any, part: Any
+) -> Callable[..., Array]:  # fmt: skip
     """Build (around, numbers, states (k, n), moves, tuning) -> the vertices (l, n) of a path that costs no more."""
     entry, cut, certify, pairs, most, between = motion
+    clearance = kernels.clearance
 
     @part
     def join(around, numbers, tail, head, last, scratch):  # type: ignore[no-untyped-def]
@@ -185,7 +189,7 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
         turned = key[i - 1]
         least = 0.0
 
-        if clearance(around.field, trial[0, 0], trial[0, 1]) < LEAST_STEP:
+        if clearance(around.static, trial[0]) < LEAST_STEP:
             return
         if not last:
             limit = limit + cost[i]
@@ -298,7 +302,7 @@ def resumed(x: Array, path: Motions, connect: Connect, checker: EdgeChecker, tun
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
     tails = np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]])
     motions = copied(connect(tails, corners[to]))
-    edges, _ = judge_with(checker.motion.kernels)(checker.around, motions, to == len(corners) - 1, to)
+    edges, _ = judge_with(checker.kernels)(checker.around, motions, to == len(corners) - 1, to)
     free = edges.free[:count]
     direct = edges.cost[:count]
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,9 +25,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
-from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Scene
+from pirrht.geometry.space import BLOCKED, FREE, LEAST_STEP, UNSURE, SpaceKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
 from pirrht.steering.motion import MotionKernels, MotionKind, Trajectory
@@ -133,48 +133,6 @@ def _cut(motions, i, s):  # type: ignore[no-untyped-def]
     motions.duration[i], motions.cost[i] = s, s * (q + 0.5 * r * square)
 
 
-@kernel
-def _certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-    """Cover a path by discs of certified clearance."""
-    c = _numbers(motions, i)
-    duration = motions.duration[i]
-    s = 0.0
-    verdict = FREE
-
-    most = _greatest_force(c, duration)
-    while True:
-        x, y = place(c, s)
-        free = clearance(around.field, x, y)
-        if free < LEAST_STEP:
-            if refused(around.field, x, y) == BLOCKED:
-                return BLOCKED
-            if not patient:
-                return UNSURE
-            verdict, free = UNSURE, 0.5 * around.field.spacing
-        if s >= duration:
-            return verdict
-        s = min(s + stride(c, s, most, free), duration)
-
-
-@kernel
-def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
-    c = _numbers(motions, i)
-    duration = motions.duration[i]
-    most, s = _greatest_force(c, duration), 0.0
-    ax, ay = place(c, 0.0)
-    while s < duration:
-        room = max(clearance(around.field, ax, ay), TUNING.shortest_side)
-        s = min(s + stride(c, s, most, room), duration)
-        bx, by = place(c, s)
-        if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
-            bx = motions.heads[i, 0]
-            by = motions.heads[i, 1]
-        count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-        ax, ay = bx, by
-    return count
-
-
 @inlined
 def _between(motions, i, share, out):  # type: ignore[no-untyped-def]
     c = _numbers(motions, i)
@@ -204,7 +162,56 @@ def _trajectory(steering: Any, path: Cubics) -> Trajectory:
 
 
 _most = inlined(lambda motions: 3)  # a cubic path crosses a straight cut no more often
-CUBICS = MotionKind(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)
+
+
+@cache
+def _kernels(space: SpaceKernels) -> MotionKernels:
+    clearance, certify_place = space.place, space.certify_place
+
+    @kernel
+    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+        """Cover a path by certified clearances at any heading."""
+        c = _numbers(motions, i)
+        duration = motions.duration[i]
+        s = 0.0
+        verdict = FREE
+
+        most = _greatest_force(c, duration)
+        while True:
+            at = place(c, s)
+            free = clearance(around.static, at)
+            if free < LEAST_STEP:
+                if certify_place(around.static, at) == BLOCKED:
+                    return BLOCKED
+                if not patient:
+                    return UNSURE
+                verdict, free = UNSURE, 0.5 * around.static.spacing
+            if s >= duration:
+                return verdict
+            s = min(s + stride(c, s, most, free), duration)
+
+    @kernel
+    def pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+        """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
+        c = _numbers(motions, i)
+        duration = motions.duration[i]
+        most, s = _greatest_force(c, duration), 0.0
+        ax, ay = place(c, 0.0)
+        while s < duration:
+            room = max(clearance(around.static, (ax, ay)), TUNING.shortest_side)
+            s = min(s + stride(c, s, most, room), duration)
+            bx, by = place(c, s)
+            if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
+                bx = motions.heads[i, 0]
+                by = motions.heads[i, 1]
+            count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
+            ax, ay = bx, by
+        return count
+
+    return MotionKernels(_entry, _cut, certify, pairs, _most, _between)
+
+
+CUBICS = MotionKind(_kernels, _free, _trajectory)
 
 
 @kernel

@@ -164,6 +164,7 @@ class Dubins(CompiledSteering):
     rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho
 
     n = 3
+    heading = 2
     symmetric = False
     cost = _cost
     optimum = _connect

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE
+from pirrht.geometry.space import BLOCKED, FREE, UNSURE
 from pirrht.jit.jit import kernel
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, copied
 from pirrht.topology.crossings import Turns, summed
@@ -48,11 +48,16 @@ def concatenated(parts: Sequence[Edges]) -> Edges:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EdgeChecker:
-    """Judges motions with the clearance field, and asks FCL where the field cannot certify."""
+    """Judges motions by certified clearances, and asks FCL where these cannot tell."""
 
     space: FreeSpace
     around: Surroundings
     motion: MotionKind = ARCS
+
+    @property
+    def kernels(self) -> MotionKernels:
+        """Return the kernels of its kind of motions, for the robot's footprint."""
+        return self.motion.kernels(self.space.static.kernels)
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
@@ -62,7 +67,7 @@ class EdgeChecker:
         """
         cut = copied(motions)
         near = np.arange(len(into_goal)) if near is None else near
-        edges, unsure = judge_with(self.motion.kernels)(self.around, cut, into_goal, near)
+        edges, unsure = judge_with(self.kernels)(self.around, cut, into_goal, near)
         for i in np.flatnonzero(edges.status == UNSURE).tolist() if unsure else ():
             if self.motion.free(cut, i, self.space):
                 edges.status[i] = FREE
@@ -70,7 +75,7 @@ class EdgeChecker:
 
     def until_goal(self, path: Any) -> Any:
         """Cut a path of consecutive motions where the last first enters the goal's disc."""
-        last, kernels = len(path.cost) - 1, self.motion.kernels
+        last, kernels = len(path.cost) - 1, self.kernels
         s = kernels.entry(path, last, self.around)
         if s < np.inf:
             path = copied(path)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment, entry_of_piece
+from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.steering.motion import Legs, MotionKernels, MotionKind, Trajectory
@@ -30,13 +31,14 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @cache
-def free_leg(moving: MovingKernels | None) -> Any:
+def free_leg(space: SpaceKernels, moving: MovingKernels | None) -> Any:
     """Build the kernel (around, leg) that judges a leg (ax, ay, s, bx, by, t) [m, s]: FREE, BLOCKED or UNSURE."""
     among, certify = moving is not None, (moving or NOTHING_MOVES).certify
+    certify_piece = space.certify_piece
 
     @kernel
     def judged(around, leg):  # type: ignore[no-untyped-def]
-        static = certify_segment(around.field, leg[0], leg[1], leg[3], leg[4])
+        static = certify_piece(around.static, (leg[0], leg[1]), (leg[3], leg[4]), True)
         if among and static != BLOCKED:
             return min(static, certify(around.traffic, leg))
         return static
@@ -75,7 +77,9 @@ def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
     a = np.array([ax, ay])
     b = np.array([bx, by])
 
-    if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
+    static = space.static
+    sure = static.kernels.certify_piece(static, (ax, ay), (bx, by), True) == FREE
+    if not sure and not space.collision.segments_free(a[None], b[None])[0]:
         return False
     return not space.moving.meets(a, s, b, t)
 
@@ -97,13 +101,18 @@ _most = inlined(lambda motions: 1)
 @cache
 def legs_among(moving: MovingKernels | None) -> MotionKind:
     """Return the kind of motions that legs are, by kernels of moving obstacles; None: nothing moves."""
-    free = free_leg(moving)
 
-    @inlined
-    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-        return free(around, _ends(motions, i))
+    @cache
+    def kernels(space: SpaceKernels) -> MotionKernels:
+        free = free_leg(space, moving)
 
-    return MotionKind(MotionKernels(_entry, _cut, certify, _pairs, _most), _free, _trajectory)
+        @inlined
+        def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+            return free(around, _ends(motions, i))
+
+        return MotionKernels(_entry, _cut, certify, _pairs, _most)
+
+    return MotionKind(kernels, _free, _trajectory)
 
 
 @inlined

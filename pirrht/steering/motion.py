@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, truncate
-from pirrht.geometry.field import Field
+from pirrht.geometry.arcs import TWO_PI, Curves, along, entry_of_curve, truncate
+from pirrht.geometry.space import Space, SpaceKernels
 from pirrht.geometry.world import Moving
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
@@ -112,7 +112,7 @@ def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
 class Surroundings(NamedTuple):
     """A scene as kernels that judge or shorten motions take it; nothing in it moves for motions without times."""
 
-    field: Field
+    static: Space  # of the robot's footprint
     cuts: Cuts
     markers: Array  # (M - J, 2) of static obstacles [m]
     weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker, moving ones last
@@ -128,7 +128,7 @@ class Surroundings(NamedTuple):
         """Take an examined scene and the classes of paths in it."""
         x, y = space.scene.goal.center.tolist()
         return cls(
-            field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
+            static=space.static, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
             goal_y=y, goal_radius=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
             speed=homology.speed,
         )  # fmt: skip
@@ -161,7 +161,7 @@ class MotionKernels(NamedTuple):
 
     entry: Callable[..., float]  # (motions, i, around): where motion i enters the goal's disc; infinity if it does not
     cut: Callable[..., None]  # (motions, i, s): end motion i at s, and its cost
-    # (motions, i, around, patient): FREE, BLOCKED or UNSURE by the clearance field; without `patient` what is not FREE
+    # (motions, i, around, patient): FREE, BLOCKED or UNSURE by certified clearances; without `patient` what is not FREE
     # may be either of the others.
     certify: Callable[..., int]
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
@@ -175,7 +175,7 @@ class MotionKernels(NamedTuple):
 class MotionKind(NamedTuple):
     """A kind of motions: how the tree judges `Motions` of it, and makes references of them."""
 
-    kernels: MotionKernels
+    kernels: Callable[[SpaceKernels], MotionKernels]  # for the kernels of a footprint; one object for the same ones
     free: Callable[[Any, int, FreeSpace], bool]  # FCL's verdict on motion i
     trajectory: Callable[[Any, Any], Trajectory]  # (steering, path): the controls that drive a path, and their times
 
@@ -209,11 +209,6 @@ def _cut(curves, i, s):  # type: ignore[no-untyped-def]
     whole = _length(curves, i)
     truncate(curves.length[i], s, curves.length[i])
     curves.cost[i] *= _length(curves, i) / max(whole, 1e-300)  # a curve of no length costs nothing
-
-
-@part
-def _certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
-    return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i], patient)
 
 
 @part
@@ -280,4 +275,17 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
 
 
 _most = inlined(lambda curves: curves.length.shape[1])
-ARCS = MotionKind(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)
+
+
+@cache
+def _kernels(space: SpaceKernels) -> MotionKernels:
+    certify_curve = space.certify_curve
+
+    @part
+    def certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
+        return certify_curve(around.static, curves.start[i], curves.curvature[i], curves.length[i], patient)
+
+    return MotionKernels(_entry, _cut, certify, _pairs, _most, _between)
+
+
+ARCS = MotionKind(_kernels, _free, _trajectory)

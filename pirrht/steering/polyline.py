@@ -1,36 +1,38 @@
 """Shorten polylines inside their homology class: shortcuts between corners, and corners blunted where they touch."""
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import FREE, Curves, certify_segment
-from pirrht.geometry.field import clearance
+from pirrht.geometry.arcs import Curves
+from pirrht.geometry.space import FREE, SpaceKernels
 from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.jit.vectors import copy_rows
 from pirrht.steering.chain import Connect, shortcut_with
+from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.legs import entered
-from pirrht.steering.motion import Surroundings
 from pirrht.steering.tuning import POLYLINE as TUNING
 from pirrht.topology.crossings import key_of_segment
 
 
-def taut_lines(path: Curves, connect: Connect, around: Surroundings) -> Any:
+def taut_lines(path: Curves, connect: Connect, checker: EdgeChecker) -> Any:
     """Shorten consecutive straight motions into the goal inside their class, and connect the corners that are left."""
     length = path.length[-1].sum()
     x, y, theta = path.start[-1]
     end = np.array([x + length * np.cos(theta), y + length * np.sin(theta)])
-    short = taut_polyline(np.vstack([path.start[:, :2], end]), around)
+    short = taut_polyline(np.vstack([path.start[:, :2], end]), checker)
     return connect(short[:-1], short[1:])
 
 
-def taut_polyline(points: Array, around: Surroundings) -> Array:
+def taut_polyline(points: Array, checker: EdgeChecker) -> Array:
     """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
     capacity = max(TUNING.capacity, TUNING.capacity_per_corner * len(points))
     out = np.empty((capacity + TUNING.loose_capacity, 2))
-    short = out[: _taut(around, np.ascontiguousarray(points), capacity, out)].copy()
+    taut = tautening(checker.space.static.kernels)
+    short = out[: taut(checker.around, np.ascontiguousarray(points), capacity, out)].copy()
     return short if _length(short, len(short)) <= _length(points, len(points)) else points
 
 
@@ -48,139 +50,140 @@ def _key(around, a, b, last):  # type: ignore[no-untyped-def]
     return key_of_segment(around.cuts, a[0], a[1], b[0], b[1])
 
 
-@borrowing
-def _joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
-    """Return whether the segment from a (2,) to b (2,) has a key, and is free up to the goal's disc."""
-    if _key(around, a, b, last) != key:
-        return False
-    share = min(1.0, entered(around, a[0], a[1], b[0], b[1]))
-    x = a[0] + share * (b[0] - a[0])
-    y = a[1] + share * (b[1] - a[1])
+@cache
+def tautening(space: SpaceKernels) -> Any:
+    """Build the kernel (around, points (k, 2), capacity, out (l, 2)) that shortens a polyline, for a footprint."""
+    place, certify_piece = space.place, space.certify_piece
 
-    return certify_segment(around.field, a[0], a[1], x, y, False) == FREE
+    @borrowing
+    def joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
+        """Return whether the segment from a (2,) to b (2,) has a key, and is free up to the goal's disc."""
+        if _key(around, a, b, last) != key:
+            return False
+        share = min(1.0, entered(around, a[0], a[1], b[0], b[1]))
+        x = a[0] + share * (b[0] - a[0])
+        y = a[1] + share * (b[1] - a[1])
 
+        return certify_piece(around.static, (a[0], a[1]), (x, y), False) == FREE
 
-_shortcut = shortcut_with(_key, _joins)
+    shortcut = shortcut_with(_key, joins)
 
+    @borrowing
+    def cut(around, corner, first, last, halvings):  # type: ignore[no-untyped-def]
+        """Cut a corner (before, corner, after), (3, 2), as far as the piece across stays free; the share of its legs.
 
-@borrowing
-def _cut(around, corner, first, last, halvings):  # type: ignore[no-untyped-def]
-    """Cut a corner (before, corner, after), (3, 2), as far as the piece across it stays free; the share of its legs.
+        Rows 0 and 2 become the ends of the piece; of these, `first` and `last` tell which come from the corner.
+        """
+        x, y = corner[1, 0], corner[1, 1]
 
-    Rows 0 and 2 become the ends of the piece; of these, `first` and `last` tell which come from the corner.
-    """
-    x, y = corner[1, 0], corner[1, 1]
+        ax = corner[0, 0] - x
+        ay = corner[0, 1] - y
+        bx = corner[2, 0] - x
+        by = corner[2, 1] - y
 
-    ax = corner[0, 0] - x
-    ay = corner[0, 1] - y
-    bx = corner[2, 0] - x
-    by = corner[2, 1] - y
+        low, high, share = 0.0, 1.0, 0.5
+        for k in range(halvings + 1):
+            share = low if k == halvings else 0.5 * (low + high)
+            s = share if first else 1.0
+            r = share if last else 1.0
 
-    low, high, share = 0.0, 1.0, 0.5
-    for k in range(halvings + 1):
-        share = low if k == halvings else 0.5 * (low + high)
-        s = share if first else 1.0
-        r = share if last else 1.0
+            corner[0, 0] = x + s * ax
+            corner[0, 1] = y + s * ay
+            corner[2, 0] = x + r * bx
+            corner[2, 1] = y + r * by
 
-        corner[0, 0] = x + s * ax
-        corner[0, 1] = y + s * ay
-        corner[2, 0] = x + r * bx
-        corner[2, 1] = y + r * by
+            if k == halvings:
+                break
+            key = _key(around, corner[0], corner[1], False) + _key(around, corner[1], corner[2], False)
+            if joins(around, 0, corner[0], corner[2], False, key):
+                low = share
+            else:
+                high = share
+        return low
 
-        if k == halvings:
-            break
-        key = _key(around, corner[0], corner[1], False) + _key(around, corner[1], corner[2], False)
-        if _joins(around, 0, corner[0], corner[2], False, key):
-            low = share
-        else:
-            high = share
-    return low
+    @inlined
+    def touches(around, x, y):  # type: ignore[no-untyped-def]
+        """Return whether something keeps a corner at (x, y) [m] from being cut."""
+        return place(around.static, (x, y)) <= TUNING.touching
 
+    @kernel
+    def blunt_corners(around, points, count, least, capacity, out):  # type: ignore[no-untyped-def]
+        """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, under `capacity`."""
+        out[0, 0] = points[0, 0]
+        out[0, 1] = points[0, 1]
+        n, corner = 1, np.empty((3, 2))
+        for i in range(1, count - 1):
+            for c in range(2):
+                corner[0, c] = out[n - 1, c]
+                corner[1, c] = points[i, c]
+                corner[2, c] = points[i + 1, c]
+            ax = corner[1, 0] - corner[0, 0]
+            ay = corner[1, 1] - corner[0, 1]
+            bx = corner[2, 0] - corner[1, 0]
+            by = corner[2, 1] - corner[1, 1]
+            t, turn = 0.0, abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+            wanted = turn > least or (turn > TUNING.straight_turn and not touches(around, points[i, 0], points[i, 1]))
+            if wanted and n + 2 + count - i < capacity:
+                t = cut(around, corner, True, True, TUNING.halvings)
+            if t > 0.0:
+                copy_rows(corner[::2], out[n : n + 2])
+                n += 2
+            else:
+                out[n, 0] = points[i, 0]
+                out[n, 1] = points[i, 1]
+                n += 1
+        out[n, 0] = points[count - 1, 0]
+        out[n, 1] = points[count - 1, 1]
 
-@inlined
-def _touches(around, x, y):  # type: ignore[no-untyped-def]
-    """Return whether something keeps a corner at (x, y) [m] from being cut."""
-    return clearance(around.field, x, y) <= TUNING.touching
+        return n + 1
 
+    @kernel
+    def slide_corners(around, points, count):  # type: ignore[no-untyped-def]
+        """Slide every corner that touches nothing along both of its legs until it does; whether there was one."""
+        loose, corner = False, np.empty((3, 2))
+        for i in range(1, count - 1):
+            for end in (2, 0):
+                if not touches(around, points[i, 0], points[i, 1]):
+                    loose = True
+                    copy_rows(points[i - 1 : i + 2], corner)
+                    cut(around, corner, end == 0, end == 2, TUNING.slide_halvings)
+                    points[i, 0] = corner[end, 0]
+                    points[i, 1] = corner[end, 1]
+        return loose
 
-@kernel
-def _blunt_corners(around, points, count, least, capacity, out):  # type: ignore[no-untyped-def]
-    """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, fewer than `capacity`."""
-    out[0, 0] = points[0, 0]
-    out[0, 1] = points[0, 1]
-    n, corner = 1, np.empty((3, 2))
-    for i in range(1, count - 1):
-        for c in range(2):
-            corner[0, c] = out[n - 1, c]
-            corner[1, c] = points[i, c]
-            corner[2, c] = points[i + 1, c]
-        ax = corner[1, 0] - corner[0, 0]
-        ay = corner[1, 1] - corner[0, 1]
-        bx = corner[2, 0] - corner[1, 0]
-        by = corner[2, 1] - corner[1, 1]
-        t, turn = 0.0, abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-        wanted = turn > least or (turn > TUNING.straight_turn and not _touches(around, points[i, 0], points[i, 1]))
-        if wanted and n + 2 + count - i < capacity:
-            t = _cut(around, corner, True, True, TUNING.halvings)
-        if t > 0.0:
-            copy_rows(corner[::2], out[n : n + 2])
-            n += 2
-        else:
-            out[n, 0] = points[i, 0]
-            out[n, 1] = points[i, 1]
-            n += 1
-    out[n, 0] = points[count - 1, 0]
-    out[n, 1] = points[count - 1, 1]
+    @kernel
+    def taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
+        """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
+        count = points.shape[0] + 1
+        before = np.inf
+        work = np.empty((out.shape[0], 2))
 
-    return n + 1
+        copy_rows(points, out[: count - 1])
+        out[count - 1, 0], out[count - 1, 1] = around.goal_x, around.goal_y
+        for k in range(TUNING.rounds):
+            count = shortcut(around, 0, out[:count], count if k == 0 else TUNING.patience)
+            length = _length(out, count)
+            if before - length < TUNING.gain * length:
+                break
+            before, count = length, blunt_corners(around, out, count, TUNING.flat_turn, capacity, work)
+            copy_rows(work[:count], out[:count])
+        for _ in range(TUNING.loose_rounds):
+            if not slide_corners(around, out, count):
+                break
+            count = shortcut(around, 0, out[:count], TUNING.patience)
+            count = blunt_corners(around, out, count, np.pi, out.shape[0], work)
+            copy_rows(work[:count], out[:count])
+        for i in range(count - 1):
+            ax, ay = out[i, 0], out[i, 1]
+            dx = out[i + 1, 0] - out[i, 0]
+            dy = out[i + 1, 1] - out[i, 1]
 
+            share = entered(around, ax, ay, ax + dx, ay + dy)
+            if share < np.inf:
+                out[i + 1, 0] = ax + share * dx
+                out[i + 1, 1] = ay + share * dy
 
-@kernel
-def _slide_corners(around, points, count):  # type: ignore[no-untyped-def]
-    """Slide every corner that touches nothing along both of its legs until it does; whether there was one."""
-    loose, corner = False, np.empty((3, 2))
-    for i in range(1, count - 1):
-        for end in (2, 0):
-            if not _touches(around, points[i, 0], points[i, 1]):
-                loose = True
-                copy_rows(points[i - 1 : i + 2], corner)
-                _cut(around, corner, end == 0, end == 2, TUNING.slide_halvings)
-                points[i, 0] = corner[end, 0]
-                points[i, 1] = corner[end, 1]
-    return loose
+                return i + 2
+        return count
 
-
-@kernel
-def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
-    """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
-    count = points.shape[0] + 1
-    before = np.inf
-    work = np.empty((out.shape[0], 2))
-
-    copy_rows(points, out[: count - 1])
-    out[count - 1, 0], out[count - 1, 1] = around.goal_x, around.goal_y
-    for k in range(TUNING.rounds):
-        count = _shortcut(around, 0, out[:count], count if k == 0 else TUNING.patience)
-        length = _length(out, count)
-        if before - length < TUNING.gain * length:
-            break
-        before, count = length, _blunt_corners(around, out, count, TUNING.flat_turn, capacity, work)
-        copy_rows(work[:count], out[:count])
-    for _ in range(TUNING.loose_rounds):
-        if not _slide_corners(around, out, count):
-            break
-        count = _shortcut(around, 0, out[:count], TUNING.patience)
-        count = _blunt_corners(around, out, count, np.pi, out.shape[0], work)
-        copy_rows(work[:count], out[:count])
-    for i in range(count - 1):
-        ax, ay = out[i, 0], out[i, 1]
-        dx = out[i + 1, 0] - out[i, 0]
-        dy = out[i + 1, 1] - out[i, 1]
-
-        share = entered(around, ax, ay, ax + dx, ay + dy)
-        if share < np.inf:
-            out[i + 1, 0] = ax + share * dx
-            out[i + 1, 1] = ay + share * dy
-
-            return i + 2
-    return count
+    return taut

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import FREE
-from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Goal
+from pirrht.geometry.space import FREE, SpaceKernels
 from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.vectors import copy_rows
@@ -39,7 +38,7 @@ def taut_in_time(path: Legs, connect: Connect, numbers: tuple[float, ...], check
     """Shorten a path into the goal's disc inside its class, at no more cost."""
     best = path
     key = _judged(path, checker)[1]
-    relax = relaxation(checker.space.moving.kernels)
+    relax = relaxation(checker.space.static.kernels, checker.space.moving.kernels)
 
     joined, _ = _joined(path.knots, connect, numbers, checker, far=True)
     if joined is not None and joined.cost.sum() <= path.cost.sum():
@@ -67,7 +66,7 @@ def resumed(
     for margin in TUNING.margins_again:
         moved = knots.copy()
         if margin > 0.0:
-            relax = relaxation(checker.space.moving.kernels)
+            relax = relaxation(checker.space.static.kernels, checker.space.moving.kernels)
             relax(checker.around, numbers, moved, margin, radius, len(TUNING.weights) - 1)
         moved[-1, :2] = _into(moved[-1, :2], goal)
         found: Legs = checker.until_goal(connect(moved[:-1], moved[1:]))
@@ -95,7 +94,7 @@ def _joined(
     """Join some of the knots (k, 3) by legs up to the goal's disc; the path, None if a leg is not free, and its key."""
     kept = knots.copy()
     kept[-1, :2] = _into(kept[-1, :2], checker.space.scene.goal)
-    shortcut = shortcuts(checker.space.moving.kernels)
+    shortcut = shortcuts(checker.space.static.kernels, checker.space.moving.kernels)
     kept = kept[: shortcut(checker.around, numbers, kept, len(kept) if far else TUNING.patience)]
     path: Legs = checker.until_goal(connect(kept[:-1], kept[1:]))
     free, key = _judged(path, checker)
@@ -135,9 +134,9 @@ def _key_of_leg(around, a, b, to_goal):  # type: ignore[no-untyped-def]
 
 
 @cache
-def shortcuts(moving: MovingKernels | None) -> Any:
+def shortcuts(space: SpaceKernels, moving: MovingKernels | None) -> Any:
     """Build the kernel that leaves out knots, by kernels of moving obstacles."""
-    free = free_leg(moving)
+    free = free_leg(space, moving)
 
     @kernel
     def joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
@@ -179,22 +178,23 @@ def _add(model, first, value, weight, *along):  # type: ignore[no-untyped-def]
 
 
 @cache
-def model(moving: MovingKernels | None) -> Any:
+def model(space: SpaceKernels, moving: MovingKernels | None) -> Any:
     """Build the kernel that computes the cost of a path and its penalties, by kernels of moving obstacles."""
     among, moving_walls = moving is not None, (moving or NOTHING_MOVES).walls
+    clearance = space.place
 
     @inlined
     def near_walls(around, notes, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
         """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL); how many."""
-        field, count = around.field, 0
+        static, count = around.static, 0
         if among:
             count, _ = moving_walls(around.traffic, notes, x, y, t, margin, walls)
-        c = clearance(field, x, y)
+        c = clearance(static, (x, y))
         if c < margin:
-            h = 0.5 * field.spacing
+            h = 0.5 * static.spacing
             walls[count, 0], walls[count, 3], walls[count, 4] = c, 0.0, 0.0
-            walls[count, 1] = (clearance(field, x + h, y) - clearance(field, x - h, y)) / (2.0 * h)
-            walls[count, 2] = (clearance(field, x, y + h) - clearance(field, x, y - h)) / (2.0 * h)
+            walls[count, 1] = (clearance(static, (x + h, y)) - clearance(static, (x - h, y))) / (2.0 * h)
+            walls[count, 2] = (clearance(static, (x, y + h)) - clearance(static, (x, y - h))) / (2.0 * h)
             count += 1
         return count
 
@@ -321,9 +321,9 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
 
 
 @cache
-def relaxation(moving: MovingKernels | None) -> Any:
+def relaxation(space: SpaceKernels, moving: MovingKernels | None) -> Any:
     """Build the kernel that moves the knots of a path to where it costs least, by kernels of moving obstacles."""
-    modelled, watch = model(moving), (moving or NOTHING_MOVES).watch
+    modelled, watch = model(space, moving), (moving or NOTHING_MOVES).watch
 
     @kernel
     def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]

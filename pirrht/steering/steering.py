@@ -13,6 +13,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
+from pirrht.geometry.space import StateKernels, at_states
 from pirrht.jit.jit import as_tuple, borrowing, inlined
 from pirrht.steering.chain import cheapest_chain, compiled_chain, plain_chain, resumed
 from pirrht.steering.edges import EdgeChecker
@@ -42,7 +43,8 @@ class Steering(ABC):
     that drive pieces starting at headings (l,) [rad] with curvatures (l,) [1/m]. Another names its kind of motion.
     """
 
-    n: int  # states of a vertex; the first two are the position [m]
+    n: int  # states of a vertex; the position [m] comes first
+    heading: int | None = None  # index of a vertex' heading [rad], if it has one
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
     drives: bool = True  # whether references come with the controls that drive them; else proposals must find those ...
     m: int  # ... (m,), and the system
@@ -85,6 +87,12 @@ class Steering(ABC):
     def roots(self, goal: Array) -> Array:
         """Return the states (k, n) at the goal point (2,) [m] that the tree starts from."""
 
+    def states_in(self, space: FreeSpace) -> StateKernels:
+        """Return kernels of its vertices for the footprint of an examined scene."""
+        kernels = space.static.kernels
+        heading = (self.heading,) if kernels.turns and self.heading is not None else ()
+        return at_states(kernels, (*range(kernels.position), *heading))
+
     def motion_in(self, space: FreeSpace) -> MotionKind:
         """Return the kind of its motions in an examined scene; here `motion`."""
         return self.motion
@@ -107,13 +115,13 @@ class Steering(ABC):
         Here a polyline by its corners, and any other path by the cheapest chain of connections (`steering.chain`).
         """
         if self.motion is ARCS and self.n == 2 and not np.any(path.curvature):
-            return taut_lines(path, self.connect, checker.around)
-        found = self.chain(checker.motion.kernels)
+            return taut_lines(path, self.connect, checker)
+        found = self.chain(checker.kernels, self.states_in(checker.space))
         return cheapest_chain(path, self.connect, found, self.numbers, self.moves, checker)
 
-    def chain(self, motion: MotionKernels) -> Callable[..., Array]:
-        """Build what `shorten` calls for paths that bend, by the kernels of its motions; here in plain Python."""
-        return plain_chain(self.distance, self.connect, motion, type(self).shift)
+    def chain(self, motion: MotionKernels, states: StateKernels) -> Callable[..., Array]:
+        """Build what `shorten` calls for paths that bend, by kernels of motions and vertices; here in plain Python."""
+        return plain_chain(self.distance, self.connect, motion, states, type(self).shift)
 
     def resume(self, x: Array, path: Any, checker: EdgeChecker) -> Any:
         """Find the cheapest path from x (n,) near an earlier one into the goal, in any class; None if there is none."""
@@ -193,10 +201,10 @@ class CompiledSteering(Steering):
         """Return the kernels by which trees grow in compiled code."""
         return SteeringKernels(nearest_with(type(self).cost, self.n), type(self).optimum)
 
-    def chain(self, motion: MotionKernels) -> Callable[..., Array]:
-        """Build what `shorten` calls for paths that bend, by the kernels of its motions, in compiled code."""
+    def chain(self, motion: MotionKernels, states: StateKernels) -> Callable[..., Array]:
+        """Build what `shorten` calls for paths that bend, by kernels of motions and vertices, in compiled code."""
         kind = type(self)
-        return compiled_chain(kind.cost, kind.optimum, motion, kind.shift, self.n)
+        return compiled_chain(kind.cost, kind.optimum, motion, states, kind.shift, self.n)
 
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the obstacle-blind optimum, tails to heads, (..., n) x 2 -> (...,) [cost]."""

@@ -83,6 +83,7 @@ class Dynamics:
     # Whether the equation is Stratonovich's, whose steps take f and G half-way, or Ito's. Both are one where no column
     # of B = G s changes along itself, as noise along a heading does not.
     stratonovich: bool = False
+    position: tuple[int, ...] = (0, 1)  # indices of the states that are the position
     # Optional: what samples do that outlive their guide, (x, p, B, aim, radius, rate, out) -> None, compiled by numba:
     # the control towards the goal's disc at aim (x, y) [m] as a = B_c^-1 G_c u, out (m,) [1/sqrt(s)]; rate is q/lambda.
     homing: Callable[..., None] = staticmethod(no_homing)
@@ -121,7 +122,7 @@ class Dynamics:
     @cached_property
     def noisy_position(self) -> bool:
         """Tell whether noise acts on the position itself: then exits need a Brownian bridge, else a sweep."""
-        return any(np.any(self.G_c(x)[:2]) for x in self._some_states()) if self.input_form else self.n - self.m < 2
+        return any(self.position_noise(x).any() for x in self._some_states())
 
     @cached_property
     def isotropic_point(self) -> bool:
@@ -138,6 +139,11 @@ class Dynamics:
         return np.asarray(2.0 * np.pi * (np.arange(1, 6)[:, None] * np.sqrt(2.0 + np.arange(self.n)) % 1.0 - 0.5))
 
     @cached_property
+    def heading(self) -> int | None:
+        """Index of the state that is the robot's heading [rad]; None: it has none."""
+        return next(iter(self.angles), None)
+
+    @cached_property
     def angles(self) -> tuple[int, ...]:
         """Indices of the headings [rad] in a state (n,)."""
         return tuple(i for i, name in enumerate(self.states) if name == "heading")
@@ -152,8 +158,8 @@ class Dynamics:
     def state_of(self, pose: Array) -> Array:
         """Return the state (n,) at x, y [m] and heading [rad] (3,); its other components are zero."""
         x = np.zeros(self.n)
-        x[:2] = pose[:2]
-        x[list(self.angles)] = pose[2]
+        x[list(self.position)] = pose[: len(self.position)]
+        x[list(self.angles)] = pose[-1]
 
         return x
 
@@ -162,7 +168,7 @@ class Dynamics:
         upper = np.ones(self.n)
         upper[list(self.angles)] = np.pi
         lower = -upper
-        lower[:2], upper[:2] = scene.lower, scene.upper
+        lower[list(self.position)], upper[list(self.position)] = scene.lower, scene.upper
         return lower, upper
 
     def f(self, x: Array) -> Array:
@@ -186,8 +192,17 @@ class Dynamics:
         return float(np.sqrt(np.linalg.eigvalsh(B @ B.T).max(initial=0.0)))
 
     def position_noise(self, x: Array) -> Array:
-        """Rows of B at x (n,) that act on the position, none to two, (k, m) [m/sqrt(s)]."""
-        return self.B_c(x)[: max(0, 2 - self.n + self.rows)]
+        """Rows of B at x (n,) that act on the position, (k, m) [m/sqrt(s)], none to all of it."""
+        fixed = self.n - self.rows
+        return self.B_c(x)[[i - fixed for i in self.position if i >= fixed]]
+
+    def place(self, x: Array) -> Array:
+        """Take the position of states (..., n), (..., 2) [m]."""
+        return x[..., list(self.position)]
+
+    def reads(self, turns: bool) -> tuple[int, ...]:
+        """Return indices of the states that are the position, and if it `turns` the heading, where there is one."""
+        return self.position + ((self.heading,) if turns and self.heading is not None else ())
 
     def noise_form(self, x: Array) -> tuple[Array, Array]:
         """Matrices (m, m) by which a control u and noise enter together: G_c and B_c, in input form I and s."""

@@ -14,8 +14,9 @@ from benchmarks.peers import HINT, missing
 from benchmarks.timing import row
 from numba import njit
 
-from pirrht.geometry.arcs import FREE, certify_segment
+from pirrht.geometry.disc import certify_piece
 from pirrht.geometry.field import Grid, clearance
+from pirrht.geometry.space import FREE
 from sim.scenario import Scenario, prepare
 
 NUMBERS = (1000, 10_000)  # vertices
@@ -160,7 +161,7 @@ def _certificates(scenario: Scenario, inside: list[int]) -> tuple[Callable[..., 
 
     @njit
     def segment(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-        return certify_segment(field, ax, ay, bx, by) == FREE
+        return certify_piece(field, (ax, ay), (bx, by)) == FREE
 
     @njit
     def point(x, y):  # type: ignore[no-untyped-def]

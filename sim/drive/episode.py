@@ -31,7 +31,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.policy import Policy
 from pirrht.exact.desirability import Desirability
-from pirrht.geometry.field import clearance
+from pirrht.geometry.space import at_states
 from sim.drive.executor import Advance, Plant
 from sim.drive.metrics import EpisodeMetrics, Frame, Risk, TimedPlan, ending
 
@@ -242,10 +242,12 @@ class Planner:
         space, dynamics, states = self.policy.space, self.policy.problem.dynamics, [x]
         pieces = min(max(0, math.ceil((until - time) / self.period * PIECES - 1e-9)), MOST_PIECES)
         h = (until - time) / max(1, pieces)
+        kernels = space.static.kernels
+        clear = at_states(kernels, dynamics.reads(kernels.turns)).clearance
         for i in range(pieces):
             u = last.plan.at(x, max(0.0, time + i * h - last.begin))
             x = dynamics.step(x, u, np.zeros(dynamics.m), h)
-            if space.scene.goal.contains(x[:2]) or clearance(space.field, x[0], x[1]) <= 0.0:
+            if space.scene.goal.contains(dynamics.place(x)) or clear(space.static, x) <= 0.0:
                 break
             states.append(x)
         return np.array(states)

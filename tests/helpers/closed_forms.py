@@ -68,7 +68,7 @@ def straight(x: Array, ends: Sequence[Array], times: Array) -> tuple[Array, list
 
 def at_strip(integral: PathIntegral, x: float, sides: Sequence[int], seed: int, **options) -> Estimate:
     """Around references to the chosen sides of a strip, or none."""
-    state, L = np.array([x, 0.0]), integral.setup.world.field.right
+    state, L = np.array([x, 0.0]), integral.setup.world.static.right
     times = integral.grid(2.0 * (L - abs(x)))
     if sides:
         tapes, corners = straight(state, [np.array([side * L, 0.0]) for side in sides], times)

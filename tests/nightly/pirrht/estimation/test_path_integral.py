@@ -13,6 +13,7 @@ from thoroughly import first
 
 from pirrht import Dubins, Dynamics, Estimate, FreeSpace, Outcome, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
+from pirrht.geometry.disc import DISC
 from pirrht.rollouts.cpu import kernels_for
 
 
@@ -144,7 +145,7 @@ def test_state_dependent_rate_and_blocks_match_collocation(dynamics):
 
 
 def test_kernels_over_a_users_functions_are_built_once():
-    kernels = [kernels_for(uneven(0.5, Uneven(b=b))) for b in (0.3, 0.5)]
+    kernels = [kernels_for(uneven(0.5, Uneven(b=b)), DISC) for b in (0.3, 0.5)]
     assert kernels[0] is kernels[1]
 
 

@@ -11,9 +11,10 @@ from solved import around_post
 
 from pirrht import FreeSpace, Obstacle, Sampling, Scene, SceneError, path_integral
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import FREE, certify_segment
+from pirrht.geometry.disc import certify_piece
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance
 from pirrht.geometry.passages import find_passages
+from pirrht.geometry.space import FREE
 
 ROBOT = 0.2
 ROUNDING = 1e-6  # the field is kept in single precision [m]
@@ -81,8 +82,8 @@ def test_no_segment_through_a_thin_wall_is_free_in_a_long_corridor():
     rng = np.random.default_rng(0)
     for wall in walls:
         x, y = wall.position[0], rng.uniform(0.3, 4.0 + 0.9 * ROBOT)
-        assert certify_segment(field, x - 1.0, y, x + 1.0, y) != FREE
-        assert certify_segment(field, x - 1.0, 4.3, x + 1.0, 4.3) == FREE
+        assert certify_piece(field, (x - 1.0, y), (x + 1.0, y)) != FREE
+        assert certify_piece(field, (x - 1.0, 4.3), (x + 1.0, 4.3)) == FREE
 
 
 @pytest.mark.parametrize("size", [(200_000.0, 6.0), (5000.0, 5000.0)])

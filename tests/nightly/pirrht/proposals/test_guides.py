@@ -16,6 +16,7 @@ from wind import Balloon
 from pirrht import Dynamics, FreeSpace, HomologyTree, OptionError, PathIntegral, Problem, Reference, Sampling
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
+from pirrht.geometry.disc import DISC
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import DDPGuide, LinearFeedback, empty_course
@@ -97,7 +98,7 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
     J, S, task = np.zeros((5, 8)), np.zeros((8, 8)), integral.guidance.tasks[1.0]
     assert (task.active, task.curved) == (0b1100, True)
     given = (z[:4], z[4:], STEP, costate)
-    forward_pass(kind_of(integral.problem)).expand(integral.setup, given, task.active, True, J, S)
+    forward_pass(kind_of(integral.problem, DISC)).expand(integral.setup, given, task.active, True, J, S)
     np.testing.assert_allclose(J[:4], jacobian(z), atol=1e-7)
     np.testing.assert_allclose(J[4], 0.0, atol=1e-9)
     exact = np.array([costate @ (jacobian(z + 1e-5 * e) - jacobian(z - 1e-5 * e)) / 2e-5 for e in np.eye(8)])
@@ -124,7 +125,7 @@ def test_a_backward_pass_knows_what_a_small_step_gains():
     off[3, 1], off[9, 1] = 1.0, -1.0
     course.states[0], course.control[:] = guide.states[0], guide.modes + off
     trial.states[0] = guide.states[0]
-    task, kind = integral.guidance.tasks[10.0], kind_of(integral.problem)
+    task, kind = integral.guidance.tasks[10.0], kind_of(integral.problem, DISC)
     forward, backward = forward_pass(kind).forward, backward_pass(kind)
     steps, _, before = forward(integral.setup, task, times, course, guide.length, 0.0, 4, trial)
     course.states[:], course.control[:] = trial.states, trial.control

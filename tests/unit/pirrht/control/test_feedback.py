@@ -131,7 +131,7 @@ def test_a_wall_that_comes_pushes_as_psi_vanishes_there(gap):
     """Towards a flat wall psi ~ c / (c + reach); down to 3 mm, as near as the wall is by then. It rises by 0.5 m/s."""
     wall = moved("wall", [(0.0, 3.0, 1.0, 0.0), (2.0, 3.0, 2.0, 0.0)], block("wall", 0.0, 0.0, (2.0, 0.2)))
     space = FreeSpace.of(hall("lift", [wall]))
-    push = WallDrift(problem=among_movers(), field=space.field, offset=0.08, step=0.05, moving=space.moving, time=0.3)
+    push = WallDrift(problem=among_movers(), static=space.static, offset=0.08, step=0.05, moving=space.moving, time=0.3)
     drift = push(np.array([3.0, 1.0 + 0.5 * 0.7 + 0.2 + 0.1 + gap]), 0.4)
     assert drift[1] == pytest.approx(B**2 * 0.08 / (gap * (gap + 0.08)), rel=0.01)
     assert abs(drift[0]) < 0.01 * drift[1]

@@ -23,7 +23,7 @@ def wall_below(scenario, x: float) -> float:
     low, high = 2.5, 2.8
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if scenario.space.world.clearance(x, middle) > 0.0 else (low, middle)
+        low, high = (middle, high) if scenario.space.world.clearance((x, middle)) > 0.0 else (low, middle)
     return low
 
 
@@ -52,7 +52,7 @@ def test_a_plan_that_noise_has_carried_into_the_margin_begins_where_that_ends(pl
     plan = controller.plan(x)
     assert plan.fallback is None
     assert 0.005 <= np.hypot(*(plan.state - x)) < 0.015
-    assert scenario.space.world.clearance(*plan.state) > 0.0
+    assert scenario.space.world.clearance(tuple(plan.state)) > 0.0
     assert plan.at(x, 0.0)[1] < 0.0
 
 
@@ -61,7 +61,7 @@ def test_among_moving_obstacles_a_held_control_is_that_of_the_walls_where_its_st
     controller = scenario.controller(scenario.grown_tree())
     controller.begin(x := np.array([3.1, 2.6]), 0.9)
     plan = controller.plan(x)
-    below = [scenario.space.world.clearance(*x, 0.9 + s) for s in (0.0, STEP)]
+    below = [scenario.space.world.clearance(tuple(x), 0.9 + s) for s in (0.0, STEP)]
     assert below[1] < below[0] - 5e-4  # the door comes nearer
     np.testing.assert_allclose(plan.at(x, 0.0), plan.law.law(x, STEP), atol=0.02)
     assert plan.at(x, 0.0)[1] > plan.law.law(x, 0.0)[1] + 0.01

@@ -196,7 +196,7 @@ class Euler:
         y = tables.drift[own] * dt[:, None] + noise
         states = origin.x + np.concatenate([np.zeros((S, 1, m)), np.cumsum(y @ setup.diffusion.T, axis=1)], axis=1)
         px, py = states[:, 1:, 0], states[:, 1:, 1]
-        room, (gx, gy) = setup.world.field, setup.world.goal
+        room, (gx, gy) = setup.world.static, setup.world.goal
         hit = (px <= room.left) | (px >= room.right) | (py <= room.low) | (py >= room.high)
         arrived = ~hit & (np.hypot(px - gx, py - gy) <= setup.world.radius)
         ended = hit | arrived

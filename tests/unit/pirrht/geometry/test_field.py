@@ -9,10 +9,11 @@ from tilted import RADIUS, cluttered, solid
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE, certify_curve, certify_segment
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.disc import certify_curve, certify_piece
 from pirrht.geometry.field import REACH, clearance, interpolate
 from pirrht.geometry.scene import Footprint, Kind, Workspace
+from pirrht.geometry.space import BLOCKED, FREE, UNSURE
 from pirrht.geometry.walls import APART_COSINE, RISE_SINE
 
 ROUNDING = 1e-6  # the field is kept in single precision [m]
@@ -70,7 +71,7 @@ def test_what_the_field_says_of_a_segment_fcl_confirms(seed):
     rng = np.random.default_rng(10 + seed)
     tails = points_in(space, 1200, 20 + seed)
     heads = tails + rng.normal(0, 0.7, tails.shape)
-    verdict = np.array([certify_segment(space.field, *a, *b) for a, b in zip(tails, heads, strict=True)])
+    verdict = np.array([certify_piece(space.static, tuple(a), tuple(b)) for a, b in zip(tails, heads, strict=True)])
     free = space.collision.segments_free(tails, heads)
     assert np.all(free[verdict == FREE])
     assert not np.any(free[verdict == BLOCKED])
@@ -84,7 +85,7 @@ def test_a_certified_arc_is_free_by_fcl_at_every_point():
     for start in points_in(space, 800, 8):
         kappa, length = rng.uniform(-3, 3), rng.uniform(0.1, 1.5)
         pose = np.array([*start, rng.uniform(-np.pi, np.pi)])
-        if certify_curve(space.field, pose, np.array([kappa]), np.array([length])) != FREE:
+        if certify_curve(space.static, pose, np.array([kappa]), np.array([length])) != FREE:
             continue
         certified += 1
         s = np.linspace(0, length, 60)

@@ -9,7 +9,8 @@ from moving import SCENES, busy, clearance_among
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
-from pirrht.geometry.world import NEVER, WALL
+from pirrht.geometry.space import NEVER
+from pirrht.geometry.world import WALL
 from pirrht.jit.jit import kernel
 from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.distances import disc_of, fastest_of, moving_clearance

@@ -12,7 +12,7 @@ import pytest
 
 from pirrht import HomologyTree, NoReference, Steering
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import BLOCKED, FREE
+from pirrht.geometry.space import BLOCKED, FREE
 from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import MotionKernels, MotionKind, Trajectory
 from pirrht.topology.signature import Signature

@@ -39,7 +39,7 @@ def test_a_corner_that_touches_nothing_goes_also_before_the_goal(seed: int):
     middle = np.array([[1.0, 3.2], [1.7, 4.2], [3.0, 4.5], [4.2, 4.0], [4.9, 3.2], [5.3, 3.1]])
     middle += rng.uniform(-0.15, 0.15, middle.shape)
     path = np.vstack([[0.5, 3.0], middle, [5.45, 3.0]])
-    short = taut_polyline(path, StraightLine().checker(space).around)
+    short = taut_polyline(path, StraightLine().checker(space))
     assert np.all(space.collision.segments_free(short[:-1], short[1:]))
     assert space.homology.winding(short) == space.homology.winding(path)
     assert length(short) <= length(path)

@@ -12,6 +12,7 @@ from corners import BOX, START, cheapest, controller
 from pirrht import Controller, FreeSpace, Problem, Sampling, Scene
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
+from pirrht.geometry.disc import DISC
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import Course, DDPGuide, empty_course
@@ -99,7 +100,7 @@ def priced(x: Array, speed: float) -> tuple[int, float]:
     course, tried = empty_course(T, 3, 2), empty_course(T, 3, 2)
     course.control[:, 0] = speed * asked(one)
     course.states[:] = tried.states[0] = x
-    forward = forward_pass(kind_of(one.problem, integral.setup.world.moving.kernels)).forward
+    forward = forward_pass(kind_of(one.problem, DISC, integral.setup.world.moving.kernels)).forward
     task = integral.guidance.tasks[1.0]
     steps, cost, _ = forward(integral.setup, task, DT * np.arange(T + 1), course, T, 0.0, 4, tried)
     return steps, cost
@@ -147,7 +148,7 @@ class Rail(Dynamics):
 def test_the_rest_to_the_goal_leads_along_a_line_that_never_turns():
     scene = Scene.from_boxes([], lower=(0, 0), upper=(5, 4), start=(0.6, 0.8), goal=(3.6, 2.3, 0.3), robot_radius=0.2)
     problem = Problem(dynamics=Rail(), scene=scene, R=2.0 * np.eye(2))
-    kind = kind_of(problem)
+    kind = kind_of(problem, DISC)
     assert kind.along_line
     assert kind.diffusion_block is None
     setup = path_integral(problem, FreeSpace.of(scene), Sampling(samples=10)).setup

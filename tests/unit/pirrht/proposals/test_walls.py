@@ -6,12 +6,14 @@ from discs import scattered
 from tilted import cluttered
 
 from pirrht import FreeSpace, Problem, Sampling, path_integral
+from pirrht.geometry.disc import DISC
 from pirrht.jit.jit import kernel
-from pirrht.proposals.walls import barrier, clearance_costs, static_walls
+from pirrht.proposals.walls import barrier, clearance_costs
 from pirrht.systems.rover import Rover
 
 POINTS = 4
-scratch, cost, expand = clearance_costs(None)
+scratch, cost, expand = clearance_costs(DISC, 2, None)
+near = DISC.near
 
 
 @kernel
@@ -22,11 +24,11 @@ def both(setup, task, steps, out):
     for s in range(len(steps)):
         x, y, dx, dy, bx, by, begin, dt = steps[s]
         total = 0.0
-        out[s, 0] = cost(setup, task, (x, y, dx, dy, bx, by, begin, dt), POINTS, space)
+        out[s, 0] = cost(setup, task, ((x, y), (dx, dy), (bx, by), begin, dt), POINTS, space)
         for k in range(1, POINTS + 1):
             t = k / POINTS
             w = 0.5 * t * (1.0 - t) * dt
-            count = static_walls(setup.world.field, task.margin, x + t * dx + w * bx, y + t * dy + w * by, walls)
+            count = near(setup.world.static, (x + t * dx + w * bx, y + t * dy + w * by), task.margin, walls)
             for i in range(count):
                 total += barrier(walls[i, 0], task)[0]
         out[s, 1] = task.price * total * dt / POINTS
@@ -38,7 +40,7 @@ def found(setup, task, steps, out):
     space, g, H = scratch(setup), np.zeros(6), np.zeros((6, 6))
     for s in range(len(steps)):
         x, y, dx, dy, bx, by, begin, dt = steps[s]
-        out[s] = expand(setup, task, (x, y, dx, dy, bx, by, begin, dt), POINTS, space, g, H)
+        out[s] = expand(setup, task, ((x, y), (dx, dy), (bx, by), begin, dt), POINTS, space, g, H)
 
 
 @pytest.mark.parametrize("space", [FreeSpace.of(scattered(1)), cluttered(None, 2)], ids=["discs", "tilted"])

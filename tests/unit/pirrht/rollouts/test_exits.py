@@ -7,20 +7,11 @@ from scipy.special import erfcx
 from scipy.stats import kstest, norm
 
 from pirrht.arrays import Array
-from pirrht.geometry.field import clearance
+from pirrht.geometry.disc import bridge, clearance, distances, sweep, towards_exit
+from pirrht.geometry.space import COLLISION, GOAL, INSIDE
 from pirrht.jit.jit import kernel
-from pirrht.jit.streams import stream, uniform
-from pirrht.rollouts.first_exit import (
-    COLLISION,
-    GOAL,
-    INSIDE,
-    at_crossing,
-    bridge_exit,
-    distances,
-    first_crossing,
-    sweep_exit,
-    towards_exit,
-)
+from pirrht.jit.streams import first_crossing, stream, uniform
+from pirrht.rollouts.first_exit import at_crossing
 
 DRAWS = 20000
 ENDS = [(0.3, 0.5), (0.3, -0.2), (0.05, 0.4), (1.0, 0.0), (0.6, -1.5)]
@@ -67,15 +58,15 @@ def test_the_law_scales_with_the_deviation():
 @kernel
 def _steps(arena, step, before, after, cov, weighed, state, outcome, share, lasting):  # type: ignore[no-untyped-def]
     for i in range(len(outcome)):
-        state, outcome[i], share[i], lasting[i] = bridge_exit(arena, step, before, after, cov, weighed, state)
+        state, outcome[i], share[i], lasting[i] = bridge(arena, *step, before, after, cov, weighed, state)
 
 
 def bridges(
     tail: Array, head: Array, variance: float, count: int = DRAWS, *, weighed: bool = False
 ) -> tuple[Array, Array, Array]:
     """Outcomes, shares and logarithms of survival of many isotropic steps with the same ends."""
-    arena, step = room().world, (*map(float, tail), *map(float, head))
-    before, after = distances(arena, *step[:2]), distances(arena, *step[2:])
+    arena, step = room().world, (tuple(tail.tolist()), tuple(head.tolist()))
+    before, after = distances(arena, step[0]), distances(arena, step[1])
     outcome, share, lasting = np.empty(count, int), np.empty(count), np.empty(count)
     cov = (variance, 0.0, variance)
     _steps(arena, step, before, after, cov, weighed, np.uint64(stream(np.uint64(4), 0)), outcome, share, lasting)
@@ -134,9 +125,9 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
     for i in range(500):
         state, u = uniform(np.uint64(state))
         share = 0.05 + 0.9 * u
-        wall, rim = towards_exit(arena, 1.9, 2.0, COLLISION), towards_exit(arena, 0.9, 3.1, GOAL)
+        wall, rim = towards_exit(arena, (1.9, 2.0), COLLISION), towards_exit(arena, (0.9, 3.1), GOAL)
         state, dx, dy = at_crossing(wall, 0.0, (0.2, 0.1), share, 0.1, np.uint64(state))
-        assert clearance(space.field, 1.9 + dx, 2.0 + dy) == pytest.approx(0.0, abs=0.01)
+        assert clearance(space.static, (1.9 + dx, 2.0 + dy)) == pytest.approx(0.0, abs=0.01)
         state, dx, dy = at_crossing(rim, arena.radius, (-0.2, 0.1), share, 0.0, np.uint64(state))
         # On the rim, which is round; along it by its share of the step.
         unit = np.array([0.6 - 0.9, 3.2 - 3.1]) / np.hypot(0.3, 0.1)
@@ -154,8 +145,8 @@ def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_b
         for _ in range(60):
             turn, length = rng.uniform(-0.5, 0.5), rng.uniform(0.02, 0.3)
             head = at + length * np.array([np.cos(theta + turn / 2), np.sin(theta + turn / 2)])
-            found, share, known = sweep_exit(arena, *at, *head, turn, known)
-            exit, wanted, _ = sweep_exit(arena, *at, *head, turn)
+            found, share, known = sweep(arena, tuple(at), tuple(head), turn, known)
+            exit, wanted, _ = sweep(arena, tuple(at), tuple(head), turn)
             assert known <= space.collision.clearance(head[None])[0] + 1e-9 or found != INSIDE
             if found != exit:
                 way = at + np.linspace(0.0, 1.0, 200)[:, None] * (head - at)
@@ -178,7 +169,7 @@ def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
         tail, head = rng.uniform(-0.2, 4.2, (2, 2))
         if not space.collision.free(tail[None])[0] or space.scene.goal.contains(tail):
             continue
-        exit, share, _ = sweep_exit(arena, *tail, *head)
+        exit, share, _ = sweep(arena, tuple(tail), tuple(head))
         exits.append(exit)
         line = tail + np.linspace(0, share if exit == GOAL else 1.0, 200)[:, None] * (head - tail)
         gap = space.collision.clearance(line).min()
@@ -205,7 +196,7 @@ def test_a_sweep_of_a_step_that_turns_agrees_with_fcl_along_the_arc():
         gap, straight = (space.collision.clearance(line).min() for line in (arc, chord))
         if abs(gap) < 0.005:
             continue
-        exit, _, _ = sweep_exit(space.world, *tail, *arc[-1], turn)
+        exit, _, _ = sweep(space.world, tuple(tail), tuple(arc[-1]), turn)
         assert exit == (INSIDE if gap > 0.0 else COLLISION)
         told_apart += (gap > 0.0) != (straight > 0.0)
     assert told_apart > 10

@@ -9,8 +9,8 @@ from moving import SCENES, as_mesh, hall, moved
 from thoroughly import thorough
 
 from pirrht import FreeSpace, Problem, Scene, SingleIntegrator
-from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.space import BLOCKED, FREE
 from pirrht.moving.collision import MovingObstacles
 from pirrht.steering.in_time import InTime
 from pirrht.systems.rover import Rover

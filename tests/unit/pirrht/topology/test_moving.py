@@ -118,7 +118,7 @@ def summed_turns(space: FreeSpace, knots: np.ndarray) -> tuple[int, ...]:
     record, total = copied(legs), np.zeros(homology.M, dtype=int)
     marker, turn = np.empty(homology.M, np.int32), np.empty(homology.M, np.int16)
     for i in range(len(legs.cost)):
-        count = checker.motion.kernels.pairs(record, i, checker.around, i == len(legs.cost) - 1, marker, turn, 0)
+        count = checker.kernels.pairs(record, i, checker.around, i == len(legs.cost) - 1, marker, turn, 0)
         np.add.at(total, marker[:count], turn[:count])
     return tuple(total.tolist())
 
