@@ -95,8 +95,8 @@ class Brake:
         for time in times[:-1]:
             controls.append(law(states[-1], time))
             states.append(d.step(states[-1], controls[-1], still, s.step))
-        places = np.array(states)[:, :2]
-        static = clearance = space.collision.clearance(places)
+        places = np.array(states)[:, list(d.position)]
+        static = clearance = space.collision.clearance(np.array(states)[:, list(d.reads(space.turns))])
         if space.scene.movers:
             pairs = zip(places, now + times, strict=True)
             clearance = np.minimum(clearance, [space.moving.distance(place, time) for place, time in pairs])

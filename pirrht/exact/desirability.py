@@ -142,7 +142,8 @@ class Desirability:
         value, _ = self._at(states, t)
         if not self.moves:
             places = states[:, :2]
-            blocked = (self.space.collision.clearance(places) <= 0.0) & ~self.space.scene.goal.contains(places)
+            poses = states[:, list(self.problem.dynamics.reads(self.space.turns))]
+            blocked = (self.space.collision.clearance(poses) <= 0.0) & ~self.space.scene.goal.contains(places)
             value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 

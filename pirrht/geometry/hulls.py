@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray
+from pirrht.errors import SceneError
 from pirrht.geometry.collision import Collision, touches
+from pirrht.geometry.scene import Scene, Waiver
 from pirrht.geometry.shapes import PROBE, distance_from, offset_from, square_to
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import borrowing, kernel
@@ -167,3 +170,21 @@ class HullCollision(Collision):
             ahead = np.array([math.cos(pose[2]), math.sin(pose[2]), 0.0])
             free[k] = self.bisect_free(lambda s, pose=pose, ahead=ahead: pose + s * ahead, float(np.hypot(*span)))  # type: ignore[misc]
         return free
+
+    def fitted(self, scene: Scene) -> Scene:
+        """Return the scene with less safety margin around a start at whose pose there is no room for all of it.
+
+        SceneError: the robot touches an obstacle at the start, at its heading.
+        """
+        x, y, heading = scene.start.tolist()
+        clear = float(self.clearance(scene.start[None])[0])
+        if clear > 0.0:
+            return scene
+        body = clear + scene.margin
+        if body <= 0.0:
+            raise SceneError(
+                f"{scene.name}: the start ({x:g}, {y:g}) is in collision at its heading of {heading:g} rad for "
+                f"{scene.body} (it lacks {-body:.3g} m); move or turn it, or choose a smaller footprint"
+            )
+        disc = TUNING.turning_reach * scene.footprint.reach
+        return replace(scene, waivers=(*scene.waivers, Waiver(x, y, disc, scene.margin - 0.5 * body)))

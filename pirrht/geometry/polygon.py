@@ -18,7 +18,7 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.certify import certificates
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.disc import enter_goal, rim_along
+from pirrht.geometry.disc import enter_goal, may_meet
 from pirrht.geometry.disc import rim as planar_rim
 from pirrht.geometry.field import Field, border, closest, interpolate, with_slope
 from pirrht.geometry.footprint import Footprint, cover
@@ -417,12 +417,6 @@ def _march(world, pose, moved, whole, turn, clear):  # type: ignore[no-untyped-d
     return (GOAL, until, 0.0) if until < NEVER else (INSIDE, 1.0, c)
 
 
-@inlined
-def _may_meet(before, after, square):  # type: ignore[no-untyped-def]
-    """Check whether a bridge between two distances may meet what they are from; beyond `square` [m^2] it cannot."""
-    return after <= 0.0 or 2.0 * before * after < square
-
-
 @kernel
 def _meet_walls(static, pose, moved, before, after, cov, weighed, state):  # type: ignore[no-untyped-def]
     """Draw the next state, the share of a step at which a bridge meets a wall or NEVER, and log P(none)."""
@@ -465,10 +459,10 @@ def bridge(world, pose, moved, before, after, cov, weighed, state, line=False): 
         c1 = c0 * (1.0 - 1.0 / share) if past_wall and exit == COLLISION else c1
         g1 = g0 * (1.0 - 1.0 / share) if past_rim and exit == GOAL else g1
     wall_time, goal_time, lasting = NEVER, NEVER, 0.0
-    if _may_meet(c0, c1, FAR * spread(world.static, cov, line)):
+    if may_meet(c0, c1, FAR * spread(world.static, cov, line)):
         state, wall_time, lasting = _meet_walls(world.static, pose, moved, c0, c1, cov, weighed, state)
     planar = (cov[0], cov[1], cov[3])
-    if _may_meet(g0, g1, FAR * (cov[0] + cov[3])):
+    if may_meet(g0, g1, FAR * (cov[0] + cov[3])):
         step = (pose[0], pose[1], moved[0], moved[1])
         state, goal_time = enter_goal(world, step, g0, g1, planar, line, state)
     if goal_time == NEVER and wall_time == NEVER:
