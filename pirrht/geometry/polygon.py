@@ -217,12 +217,6 @@ def _with(static, walls, c, direction):  # type: ignore[no-untyped-def]
     return walls
 
 
-@inlined
-def walls(static, pose):  # type: ignore[no-untyped-def]
-    """Return the two nearest walls at a pose, border included, by the coarse cover (`walls_of`)."""
-    return walls_of(static, 0, pose)
-
-
 @kernel
 def walls_of(static, begin, pose):  # type: ignore[no-untyped-def]
     """Return the two nearest walls of a cover at a pose, border included, each as clearance [m] and direction.
@@ -256,6 +250,13 @@ def walls_of(static, begin, pose):  # type: ignore[no-untyped-def]
             d, direction = _wall_of(static, field.nearest, k, x, y, c, s)
             found = _with(static, found, d, direction)
     return found
+
+
+@kernel
+def walls(static, pose):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls at a pose, border included, by the tight cover where one is near (`walls_of`)."""
+    found = walls_of(static, 0, pose)
+    return found if found[0] >= static.near else walls_of(static, static.coarse, pose)
 
 
 @borrowing
@@ -413,21 +414,32 @@ def _march(world, pose, moved, whole, turn, clear):  # type: ignore[no-untyped-d
             return COLLISION, share, 0.0
         if share >= stop:
             break
-        share = min(stop, share + max(c, 0.1 * world.static.spacing) / max(whole, 1e-300))
+        share = min(stop, share + max(c, 0.5 * world.static.excess) / max(whole, 1e-300))
     return (GOAL, until, 0.0) if until < NEVER else (INSIDE, 1.0, c)
+
+
+@kernel
+def _survival(static, pose, moved, after, cov):  # type: ignore[no-untyped-def]
+    """Return the probability that a bridge misses the two nearest walls, and its variance towards the nearest [m^2]."""
+    c0, one, d0, other = walls_of(static, static.coarse, pose)
+    first = variance_along(one, cov)
+    if after <= 0.0:
+        return 0.0, first
+    c1, same, d1, _ = walls_of(static, static.coarse, moved)
+    if apart(static, one, same):  # another wall is nearest now
+        c1, d1 = d1, c1
+    return survival(c0, c1, first) * survival(d0, d1, variance_along(other, cov)), first
 
 
 @kernel
 def _meet_walls(static, pose, moved, before, after, cov, weighed, state):  # type: ignore[no-untyped-def]
     """Draw the next state, the share of a step at which a bridge meets a wall or NEVER, and log P(none)."""
-    c0, one, d0, other = walls_of(static, static.coarse, pose)
-    first = variance_along(one, cov)
-    alive = 0.0
     if after > 0.0:
-        c1, same, d1, _ = walls_of(static, static.coarse, moved)
-        if apart(static, one, same):  # another wall is nearest now
-            c1, d1 = d1, c1
-        alive = survival(c0, c1, first) * survival(d0, d1, variance_along(other, cov))
+        _, one, _, other = walls_of(static, 0, pose)
+        most = max(variance_along(one, cov), variance_along(other, cov))
+        if not may_meet(before, after, TUNING.coarse_noise * FAR * most):
+            return state, NEVER, 0.0
+    alive, variance = _survival(static, pose, moved, after, cov)
     if weighed and alive > 0.0:
         return state, NEVER, math.log(alive)
     u = 1.0
@@ -435,7 +447,7 @@ def _meet_walls(static, pose, moved, before, after, cov, weighed, state):  # typ
         state, u = uniform(state)
     if u < alive:
         return state, NEVER, 0.0
-    state, share = first_crossing(max(before, MIN_VARIANCE), after, math.sqrt(first), state)
+    state, share = first_crossing(max(before, MIN_VARIANCE), after, math.sqrt(variance), state)
     return state, share, 0.0
 
 

@@ -55,6 +55,7 @@ class GeometryTuning(NamedTuple):
     sure: float = 10.0  # so many times the excess a clearance may be for that to hold; beyond, the field is coarser
     coarse_cover: float = 3.0  # what discs of the coarse cover reach beyond, as a multiple of the excess
     tight: float = 5.0  # up to so many times the excess a clearance is that of the tight cover
+    coarse_noise: float = 2.0  # by which noise towards a wall may be more than towards discs of the coarse cover
     cover_slack: float = 0.2  # by which discs overlap, as a share of what they reach beyond: samples against discs
     cover_candidates: int = 80  # discs tried along each half of an edge
     cells_per_disc: float = 3.0  # spacings of their field in the radius of the least disc at least: else it is no bound
