@@ -113,11 +113,6 @@ class FreeSpace:
         """Take the snapshot of what is free at (x, t), lengths in [m]."""
         return World.of(self.static, self.scene.goal, self.moving)
 
-    @property
-    def turns(self) -> bool:
-        """Tell whether the heading matters to where the robot may be."""
-        return self.static.kernels.turns
-
     def free(self, x: Array, reads: tuple[int, ...] = (0, 1)) -> bool:
         """Return whether the robot may be at a state x (n,), whose position, and heading if known, lie at indices."""
         status = at_states(self.static.kernels, reads).certify(self.static, x)

@@ -46,7 +46,7 @@ class Traits(NamedTuple):
             point=d.n == d.m == 2, isotropic_point=d.isotropic_point, noisy_position=d.noisy_position,
             input_form=d.input_form, drifts=drifts, drifting_away=drifts if d.input_form else d.n > d.m,
             constant_blocks=d.constant, constant_rate=not callable(problem.q),
-            can_brake=d.brake(x, x[:2], 1.0) is not None,
+            can_brake=d.brake(x, d.place(x), 1.0) is not None,
         )  # fmt: skip
 
     @property

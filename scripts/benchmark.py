@@ -42,8 +42,10 @@ PARTS = {
     "mass": (None, "line"),
     "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
-SPEED = ("speed", "first-run", "obstacles", "maps", "presets")
-TABLES = (*SPEED, "effective", "worst", "quality", "calibration", "risk", "mass")
+TABLES = (
+    *("speed", "first-run", "obstacles", "maps", "presets"),
+    *("effective", "worst", "quality", "calibration", "risk", "mass"),
+)
 
 
 def main() -> int:

@@ -20,7 +20,7 @@ from sim.cli.parser import Parser
 from sim.files import replaced
 from sim.film import Film
 from sim.mjcf import load, scene_names
-from sim.scenario import Scenario, prepare
+from sim.scenario import prepare
 
 STILL, LOOP = (960, 540), (400, 225)  # width and height of the pictures
 SHOTS, PAUSE = 32, 900  # pictures of a loop, and how long its last one stays [ms]
@@ -62,7 +62,7 @@ probable and a few samples, and the whole run. `pirrht run SCENE --record FILE.r
 
 def drive(name: str, given: dict[str, Any]) -> tuple[Film, float]:
     """Drive once; returns a film of it and how long it took [s]."""
-    scenario = _scenario(name, given)
+    scenario = prepare(name, given=given)
     film = Film(scenario.loaded, size=STILL)
     driver = scenario.driver(scenario.grown_tree())
     time = 0.0
@@ -70,10 +70,6 @@ def drive(name: str, given: dict[str, Any]) -> tuple[Film, float]:
         film.add(frame, driver.path_integral)
         time = frame.end_time
     return film, time
-
-
-def _scenario(name: str, given: dict[str, Any]) -> Scenario:
-    return prepare(name, given=given)
 
 
 def side_by_side(pair: Pair, file: Path, given: dict[str, Any], shots: int) -> None:
@@ -97,14 +93,13 @@ def side_by_side(pair: Pair, file: Path, given: dict[str, Any], shots: int) -> N
 
 def value_map(file: Path) -> None:
     """The exact value of `slit` at both noise levels."""
-    from figures import value_map
+    from figures import opening, value_map
 
     from pirrht.plotting.maps import pyplot
 
     plt = pyplot("this script")
     figure = value_map.draw(plt, [prepare("slit", given={"noise": noise}) for noise in NOISES])
-    figure.canvas.draw()
-    write_still(np.array(figure.canvas.buffer_rgba())[..., :3], file)
+    write_still(opening.pixels(figure), file)
     plt.close(figure)
 
 

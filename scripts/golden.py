@@ -19,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -138,7 +138,11 @@ def fingerprints(only: str = "") -> dict[str, tuple[str, float]]:
     """Return hash and wall time [s] by name of each case; two commands run at a time."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
-        (place / "forest.xml").write_text(FOREST.format(discs="".join(_discs())))
+        discs = [
+            f'<geom name="disc{i}" type="cylinder" size="{0.18 + 0.02 * (i % 4):g} .3" pos="{at} .3"/>'
+            for i, at in enumerate(PLACES.split("  "))
+        ]
+        (place / "forest.xml").write_text(FOREST.format(discs="".join(discs)))
         jobs: dict[str, Callable[[], tuple[str, float]]] = {}
         tables = (
             ("plan", PLANS, _plan),
@@ -162,12 +166,6 @@ def fingerprints(only: str = "") -> dict[str, tuple[str, float]]:
 def _timed(work: Callable[[str, Path], str], line: str, there: Path) -> tuple[str, float]:
     began = time.perf_counter()
     return work(line, there), round(time.perf_counter() - began, 1)
-
-
-def _discs() -> Iterator[str]:
-    numbers = PLACES.split()
-    for i, (x, y) in enumerate(zip(numbers[::2], numbers[1::2], strict=True)):
-        yield f'<geom name="disc{i}" type="cylinder" size="{0.18 + 0.02 * (i % 4):g} .3" pos="{x} {y} .3"/>'
 
 
 def _cli(line: str, *more: str) -> None:

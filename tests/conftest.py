@@ -1,12 +1,12 @@
 """Fixtures that are slow to make and that no test changes."""
 
+import re
 import signal
 
 import pytest
 from hypothesis import settings
 
-from pirrht.planner.tree import HomologyTree
-from sim.cli import plan_command
+from sim.cli import main, plan_command
 from sim.scenario import Scenario, prepare
 
 settings.register_profile("suite", deadline=None, derandomize=True, database=None)  # the same examples every time
@@ -40,6 +40,22 @@ def _compiling_is_known() -> None:
     plan_command.notice().reported = True
 
 
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]):
+    """Assert that a command has status 2 and costs one line, in which some words are, and prints nothing before."""
+
+    def refused(words: list[str], *reasons: str, quiet: bool = True) -> None:
+        capsys.readouterr()
+        assert main(words) == 2
+        said = capsys.readouterr()
+        assert not (quiet and said.out)
+        assert re.fullmatch("pirrht: .*\n", said.err)
+        for reason in reasons:
+            assert reason in said.err
+
+    return refused
+
+
 @pytest.fixture(scope="session")
 def slit() -> Scenario:
     """The scene `slit` under its own settings."""
@@ -47,6 +63,6 @@ def slit() -> Scenario:
 
 
 @pytest.fixture(scope="session")
-def slit_tree(slit: Scenario) -> HomologyTree:
+def slit_tree(slit: Scenario):
     """A tree of 1000 vertices in it; tests ask, and do not grow it."""
     return slit.grown_tree()

@@ -73,7 +73,7 @@ class Brake:
             turns = [sign * times * u for times in s.efforts for u in usual for sign in (1.0, -1.0)]
             yield from (held(np.array([0.0, np.inf]), u[None]) for u in [np.zeros(d.m), *turns])
             return
-        spot = x[:2] + d.f(x)[:2] * s.within  # where it comes to rest if it brakes at once
+        spot = d.place(x) + d.place(d.f(x)) * s.within  # where it comes to rest if it brakes at once
         angles = 2.0 * np.pi * np.arange(s.directions) / s.directions
         for ring in s.rings:
             for angle in angles if ring > 0.0 else angles[:1]:
@@ -95,8 +95,9 @@ class Brake:
         for time in times[:-1]:
             controls.append(law(states[-1], time))
             states.append(d.step(states[-1], controls[-1], still, s.step))
-        places = np.array(states)[:, list(d.position)]
-        static = clearance = space.collision.clearance(np.array(states)[:, list(d.reads(space.turns))])
+        path = np.array(states)
+        places = d.place(path)
+        static = clearance = space.collision.clearance(path[:, d.reads(space.static.kernels.turns)])
         if space.scene.movers:
             pairs = zip(places, now + times, strict=True)
             clearance = np.minimum(clearance, [space.moving.distance(place, time) for place, time in pairs])

@@ -127,9 +127,9 @@ def cost_to_go(problem: Problem, remaining: Remaining) -> Callable[[Array], Arra
     """
     d, q = problem.dynamics, problem.least_rate
     x = d.state_of(problem.scene.start)
-    drift = float(np.hypot(*d.f(x)[:2]))
+    drift = float(np.hypot(*d.place(d.f(x))))
     if Traits.of(problem).noisy_position:
-        G = d.G_c(x)[:2]
+        G = d.whole(d.G_c(x))[list(d.position)]
         weight = 1.0 / float(np.linalg.eigvalsh(G @ np.linalg.solve(problem.control_cost(x), G.T))[-1])
         per_meter = weight * (np.sqrt(drift**2 + 2.0 * q / weight) - drift)  # least (q + weight (v - drift)^2 / 2) / v
     elif drift > 0.0:
@@ -138,4 +138,4 @@ def cost_to_go(problem: Problem, remaining: Remaining) -> Callable[[Array], Arra
         raise OptionError(
             f"{type(d).__name__} has no speed at the start, so its cost to go is unknown; give a `terminal_cost`"
         )
-    return lambda states: np.asarray(per_meter * np.hypot(*remaining(states[:, :2]).T))
+    return lambda states: np.asarray(per_meter * np.hypot(*remaining(d.place(states)).T))

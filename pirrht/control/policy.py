@@ -254,12 +254,15 @@ class Policy(ABC):
         x = self._checked(x)
         last = self.run.queried
         scene = self.space.scene
+        place = self.problem.dynamics.place(x)
         for lost, where in (
-            (scene.goal.contains(x[:2]), "already in the goal"),
-            (not scene.world.contains(x[:2]), "outside the workspace"),
+            (scene.goal.contains(place), "already in the goal"),
+            (not scene.world.contains(place), "outside the workspace"),
         ):
             if lost:
-                raise OptionError(f"a plan at ({x[0]:.4g}, {x[1]:.4g}) is {where}; no control leads on from there")
+                raise OptionError(
+                    f"a plan at ({place[0]:.4g}, {place[1]:.4g}) is {where}; no control leads on from there"
+                )
         if last is not None and not np.array_equal(x, last):
             warnings.warn(
                 f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({last[0]:.4g}, {last[1]:.4g}), and nothing was "

@@ -19,8 +19,8 @@ class EstimationTuning(NamedTuple):
     filled: float = 0.6  # share of the time left for the next round of samples; the rest is for rounds that take longer
     first_round: float = 0.1  # share of samples drawn first among moving obstacles: the rest of a plan takes time too
     first_plan: int = 64  # multiple of a plan's samples for the first plan of an episode, at most (`Sampling.least`)
-    saved: float = 1.0  # of a plan's samples is saved by each later plan; those below `few` effective ones use it
-    later_plan: float = 8.0  # multiple of a plan's samples for a later plan of an episode, at most
+    saved: float = 3.0  # multiples of a plan's samples that later plans save for those below `few` effective samples
+    later_plan: float = 24.0  # multiple of a plan's samples for a later plan of an episode, at most
     most: int = 150_000  # samples of a plan at any time limit: weighing more takes longer than it is worth
     # Allocation
     plans: float = 5.0  # contributions are averaged over about so many plans; more lag behind a robot that moves
@@ -84,7 +84,7 @@ class Sampling:
         draws: "antithetic" pairs of samples with opposite noise, or "independent" ones (the paper's).
         target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
         least: effective samples of the first plan of a run, with 64 N samples at most. Later plans that follow guides
-            draw up to 8 times as many below 10, at most twice as many on average. 0: plans draw no more.
+            draw up to 24 times as many below 10, at most 4 times as many on average. 0: plans draw no more.
         budget: with a target, samples around each reference at most; None: 16 N.
         allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper).
         threads: None for all cores this process may use; results do not depend on it.

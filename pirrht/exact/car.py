@@ -73,7 +73,7 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, _: float | None,
     frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
     gaps = np.empty((2, 0, 0, 0))
     tracing(space.static.kernels, d.reads(space.static.kernels.turns))(space.world, frame, rays)
-    if space.turns:
+    if space.static.kernels.turns:
         gaps = turning_gaps(space, frame, rays)
     value = np.where(rays.ended == 0.0, 0.0, ceiling)
     blocked = rays.ended < 0.0

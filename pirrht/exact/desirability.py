@@ -141,9 +141,9 @@ class Desirability:
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
         if not self.moves:
-            places = states[:, :2]
-            poses = states[:, list(self.problem.dynamics.reads(self.space.turns))]
-            blocked = (self.space.collision.clearance(poses) <= 0.0) & ~self.space.scene.goal.contains(places)
+            d, collision = self.problem.dynamics, self.space.collision
+            poses = states[:, d.reads(self.space.static.kernels.turns)]
+            blocked = (collision.clearance(poses) <= 0.0) & ~self.space.scene.goal.contains(d.place(states))
             value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 

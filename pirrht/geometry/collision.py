@@ -155,14 +155,15 @@ class Collision:
         """Return the capsule that the robot sweeps between two places (2,) with a radius [m]."""
         return _capsule(radius, np.append(0.5 * (tail + head), self.footprint.height), head - tail)
 
-    def bisect_free(self, position: Callable[[float], Array], length: float) -> bool:
+    def bisect_free(self, pose: Callable[[float], Array], length: float, curvature: float = 0.0) -> bool:
         """Return whether clearances certify a curve: a piece ab is free if c(a) + c(b) > |ab|.
 
-        `position` takes an arc length in [0, length] [m] to the robot's centre, x and y [m] first.
+        `pose` takes an arc length in [0, length] [m] to where the robot is, x and y [m] first; how it turns there, by a
+        `curvature` [1/m], does not matter to a disc.
         """
 
         def clear(s: float) -> float:
-            return float(self.clearance(position(s)[None, :2])[0])
+            return float(self.clearance(pose(s)[None, :2])[0])
 
         return not touches(clear, lambda a, b: b - a, length, slack=TUNING.rounding)
 

@@ -2,9 +2,9 @@
 
 A member is a file of `geometry/`: a NamedTuple of numbers (`Space`), whose `kernels` read it. Kernels take a *pose*, a
 tuple of the states that the member reads: the position, of 2 or 3 numbers [m], and if it `turns` the heading [rad] that
-follows. A *direction* is a gradient in these numbers, (k,): a wall that comes nearer by a turn has a part [m/rad] for
-the heading. A *covariance* is that of a pose, its upper triangle by rows: (xx, xy, yy) of two numbers, (xx, xy, xt, yy,
-yt, tt) of three. A *world* is a `geometry.world.World`: the numbers are its `static`, next to the goal.
+follows. A *direction* is a gradient of clearance in these numbers, (k,), with a part [m/rad] for the heading. A
+*covariance* is that of a pose, its upper triangle by rows: (xx, xy, yy) of two numbers, (xx, xy, xt, yy, yt, tt) of
+three. A *world* is a `geometry.world.World`: the numbers are its `static`, next to the goal.
 
 Examples:
     >>> from pirrht import FreeSpace, Scene

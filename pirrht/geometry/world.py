@@ -13,7 +13,7 @@ Examples:
     0
     >>> round(world.clearance((1.2, 1.5)), 3)  # the box is 0.4 m away from the centre of a robot of 0.2 m [m]
     0.2
-    >>> world.off_walls(np.array([1.45, 1.5]), (0, 1), 0.0, 0.01).round(3).tolist()
+    >>> world.off_walls(np.array([1.45, 1.5]), (0, 1), 0.0, 0.01).round(2).tolist()
     [1.39, 1.5]
 """
 

@@ -140,7 +140,7 @@ class HomologyTree:
     def extend(self, x: Array) -> bool:
         """Expand by a random state x (n,); return whether it became a vertex (Algorithm 1, lines 4 to 12)."""
         self.draws += 1
-        if not self.space.free(x):
+        if not self.space.free(x, self.steering.reads(self.space)):
             return False
         root = self.space.in_goal(x)  # line 4
         edges = NO_EDGES  # line 5: AddRoot

@@ -157,9 +157,7 @@ class WallDrift:
     def gains(self, x: Array) -> Array:
         """Return the rows of G at x (n,) that move the pose, (k, m); those that are zero for good are zero."""
         d = self.problem.dynamics
-        G = np.zeros((d.n, d.m))
-        G[d.n - d.rows :] = d.G_c(x)
-        return G[list(d.reads(self.static.kernels.turns))]
+        return d.whole(d.G_c(x))[list(d.reads(self.static.kernels.turns))]
 
     def _at(self, x: Array) -> tuple[Array, float]:
         """Return lambda R^-1 G' = G^-1 BB' at x (n,), and the distance of walls below which drift stays constant."""

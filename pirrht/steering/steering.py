@@ -89,9 +89,13 @@ class Steering(ABC):
 
     def states_in(self, space: FreeSpace) -> StateKernels:
         """Return kernels of its vertices for the footprint of an examined scene."""
+        return at_states(space.static.kernels, self.reads(space))
+
+    def reads(self, space: FreeSpace) -> tuple[int, ...]:
+        """Return indices of a vertex' numbers that the footprint of an examined scene reads."""
         kernels = space.static.kernels
         heading = (self.heading,) if kernels.turns and self.heading is not None else ()
-        return at_states(kernels, (*range(kernels.position), *heading))
+        return (*range(kernels.position), *heading)
 
     def motion_in(self, space: FreeSpace) -> MotionKind:
         """Return the kind of its motions in an examined scene; here `motion`."""

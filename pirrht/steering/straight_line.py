@@ -117,6 +117,7 @@ class Tracked(Lines):
     cost_per_meter: float  # of it [cost/m]
     slack: float  # time that getting under way, or turning about, may take [s]
     m: int  # controls of the system
+    position: tuple[int, ...] = (0, 1)  # indices of its states that are the position
 
     drives = False
 
@@ -128,11 +129,11 @@ class Tracked(Lines):
         """
         d, x = problem.dynamics, problem.dynamics.state_of(problem.scene.start)
         # G R^-1 G', (n, n): what states yield to a control of a given cost
-        G = np.zeros((d.n, d.m))
-        block = d.G_c(x)
-        G[d.n - len(block) :] = block
+        G = d.whole(d.G_c(x))
         yields = np.asarray(G @ np.linalg.solve(problem.control_cost(x), G.T))
-        mobilities = np.linalg.eigvalsh(yields[:2, :2])  # of the position, by direction, least first
+        mobilities = np.linalg.eigvalsh(
+            yields[np.ix_(d.position, d.position)]
+        )  # of the position, by direction, least first
         actuated = [float(part) for part in mobilities if part > max(0.0, 1e-9 * float(mobilities[-1]))]
         if pace is None:  # in the direction in which positions yield least, of those in which they do
             pace = math.sqrt(2.0 * problem.least_rate * actuated[0]) if actuated else _pace_of(problem)
@@ -144,12 +145,14 @@ class Tracked(Lines):
         # Time to turn about or to get up to the pace under a control that costs what time does.
         strength = np.sqrt(2.0 * problem.least_rate * np.diag(yields))
         change = [math.pi if i in d.angles else pace for i in range(d.n)]
-        slack = max((change[i] / strength[i] for i in range(2, d.n) if strength[i] > 0), default=0.0)
-        return cls(pace=pace, cost_per_meter=rate / pace, slack=float(slack), m=d.m)
+        slack = max(
+            (change[i] / strength[i] for i in range(d.n) if i not in d.position and strength[i] > 0), default=0.0
+        )
+        return cls(pace=pace, cost_per_meter=rate / pace, slack=float(slack), m=d.m, position=d.position)
 
     def vertex_of(self, x: Array) -> Array:
         """The position (..., 2) [m] of a state (..., n)."""
-        return np.ascontiguousarray(x[..., :2])
+        return np.ascontiguousarray(x[..., list(self.position)])
 
 
 def _pace_of(problem: Problem) -> float:
@@ -160,7 +163,7 @@ def _pace_of(problem: Problem) -> float:
     d = problem.dynamics
     lower, upper = d.box(problem.scene)
     fractions = (np.arange(1, d.n + 1) * 0.7548776662 + np.arange(TUNING.probed_states)[:, None] * 0.5698402910) % 1.0
-    speeds = [math.hypot(*d.f(lower + fraction * (upper - lower))[:2]) for fraction in fractions]
+    speeds = [math.hypot(*d.place(d.f(lower + fraction * (upper - lower)))) for fraction in fractions]
     if max(speeds) > 0 and np.ptp(speeds) < 1e-6 * max(speeds):
         return speeds[0]
     if callable(problem.q) and _moving(problem, 1.0) is not None:

@@ -196,6 +196,10 @@ class Dynamics:
         fixed = self.n - self.rows
         return self.B_c(x)[[i - fixed for i in self.position if i >= fixed]]
 
+    def whole(self, block: Array) -> Array:
+        """Return the rows (n, m) of all states of a block of the last ones (rows, m); others are zero."""
+        return np.vstack([np.zeros((self.n - len(block), block.shape[1])), block])
+
     def place(self, x: Array) -> Array:
         """Take the position of states (..., n), (..., 2) [m]."""
         return x[..., list(self.position)]

@@ -12,26 +12,22 @@ With --part car truth is a million samples, see `calibration_car`; with --part m
 """
 
 import argparse
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from importlib import import_module
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER, summaries, text_of, truth_errors, truth_text
-from benchmarks.first_plan import first_plan
+from benchmarks.first_plan import controller_of, first_plan
+from benchmarks.pool import spread
 from benchmarks.scenes import places_of, scenario_of
-from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability
-from pirrht.freespace import FreeSpace
 from sim.scenario import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)
@@ -51,16 +47,6 @@ class Job:
     threads: int | None
     check: bool  # whether truth is held against a finer grid
     near_goal: float | None  # random states lie so near the goal's disc [m]
-
-    def scenario(self) -> Scenario:
-        """The scene under default settings."""
-        return _scenario(self.file, self.seed, self.threads)
-
-    def places(self, space: FreeSpace) -> Array:
-        """Its states (k, 2) [m]."""
-        if self.at:
-            return np.array(self.at)
-        return places_of(space, self.states, self.seed, self.near_goal)
 
 
 def _scenario(file: str | None, seed: int, threads: int | None = None) -> Scenario:
@@ -103,40 +89,24 @@ def jobs(options: argparse.Namespace) -> list[Job]:
 
 def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
     """One record per state and noise."""
-    todo, found = jobs(options), []
-    with tqdm(total=len(todo) * len(todo[0].noises), desc="scenes x noises", leave=False, disable=None) as bar:
-        if options.workers > 1:
-            with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
-                for records in pool.map(_all, todo):
-                    found += records
-                    bar.update(len(todo[0].noises))
-            return found
-        for job in todo:
-            for records in looked_at(job):
-                found += records
-                bar.update()
-    return found
+    return [record for records in spread(looked_at, jobs(options), options.workers, "scenes") for record in records]
 
 
-def _all(job: Job) -> list[dict[str, Any]]:
-    return [record for records in looked_at(job) for record in records]
-
-
-def looked_at(job: Job) -> Iterator[list[dict[str, Any]]]:
+def looked_at(job: Job) -> list[dict[str, Any]]:
     """Records of a scene's states, noise by noise; the tree is grown once."""
-    quiet = job.scenario()
+    found, quiet = list[dict[str, Any]](), _scenario(job.file, job.seed, job.threads)
     tree = quiet.grown_tree()
-    points = job.places(quiet.space)
+    points = np.array(job.at) if job.at else places_of(quiet.space, job.states, job.seed, job.near_goal)
     for noise in job.noises:
         scenario = quiet.with_settings(noise=noise)
         truth = Desirability.of(scenario.problem, scenario.space)
-        controller = scenario.controller(tree)
-        assert isinstance(controller, Controller)
+        controller = controller_of(scenario, tree)
         controller.path_integral.warm_up()
         records = [_record(scenario, truth, controller, x, job) for x in points]
         if job.check:
             _hold_against_finer(scenario, truth, points, records)
-        yield records
+        found += records
+    return found
 
 
 def _record(scenario: Scenario, truth: Desirability, controller: Controller, x: Array, job: Job) -> dict[str, Any]:

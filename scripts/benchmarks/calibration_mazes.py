@@ -7,21 +7,20 @@ estimate --at`, with a limit that is wide enough for the state.
 """
 
 import argparse
-import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.first_plan import controller_of
+from benchmarks.moving_text import prepared
 from benchmarks.scenes import SIDE, places_of
 from tqdm import tqdm
 
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
 from pirrht.estimation.estimate import Estimate
 from pirrht.exact.desirability import Desirability
 from sim.cli.tables import doubts
-from sim.scenario import Scenario, prepare
+from sim.scenario import Scenario
 
 RADIUS, THICK = 0.1, 0.08  # of the robot, and of walls [m]
 NOISES = (0.1, 0.2, 0.3)
@@ -138,28 +137,19 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
 def records(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """One record per maze, state and noise."""
     count, noises = options.scenes or MAZES, options.noises or NOISES
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        tqdm(total=count, desc="mazes", leave=False, disable=None) as bar,
-    ):
-        for name, content in mazes(count, options.first_seed):
-            file = Path(folder) / f"{name}.xml"
-            file.write_text(content)
-            quiet = prepare(file, given={"seed": options.first_seed})
-            places = places_of(quiet.space, options.states or STATES, options.first_seed, None)
-            truths = {b: Desirability.of(quiet.with_settings(noise=b).problem, quiet.space) for b in noises}
-            for x in places:
-                tree = quiet.grown_tree(at=x)
-                for b in noises:
-                    scenario = quiet.with_settings(noise=b)
-                    yield {"maze": name, "limit": tree.limit, **record(scenario, truths[b], tree, x)}
-            bar.update()
+    for name, content in tqdm(list(mazes(count, options.first_seed)), "mazes", leave=False, disable=None):
+        quiet = prepared(name, content, given={"seed": options.first_seed})
+        truths = {b: Desirability.of(quiet.with_settings(noise=b).problem, quiet.space) for b in noises}
+        for x in places_of(quiet.space, options.states or STATES, options.first_seed, None):
+            tree = quiet.grown_tree(at=x)
+            for b in noises:
+                scenario = quiet.with_settings(noise=b)
+                yield {"maze": name, "limit": tree.limit, **record(scenario, truths[b], tree, x)}
 
 
 def record(scenario: Scenario, truth: Desirability, tree: Any, x: Array) -> dict[str, Any]:
     """What one plan says at x (2,), and what is true there."""
-    controller = scenario.controller(tree)
-    assert isinstance(controller, Controller)
+    controller = controller_of(scenario, tree)
     controller.begin(x)
     plan = controller.plan(x)
     e: Estimate | None = plan.estimate

@@ -12,10 +12,8 @@ is a ratio of sums over few samples that weigh.
 """
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -23,10 +21,10 @@ from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
 from benchmarks.contested import CANDIDATES, apart, contested, in_errors, mean_of, pooled_of
-from benchmarks.first_plan import first_plan
+from benchmarks.first_plan import controller_of, first_plan
 from benchmarks.oblique_scene import oblique_scenario
+from benchmarks.pool import spread
 from benchmarks.scenes import places_of, random_states
-from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
@@ -72,10 +70,12 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         near = int(np.sum(np.abs(off) <= NEAR)) if off else 0
         worst = float(100.0 * max(off, key=abs)) if off else float("nan")
         there = [s for s in where if s["noise"] == noise and name in (s["scene"], "all")]
-        far = 100.0 * max((apart(pooled_of(one), one["shares"]) for one in there), default=float("nan"))
-        alone = 100.0 * max((apart(mean_of(one["plans"]), one["shares"]) for one in there), default=float("nan"))
-        errors = max(map(in_errors, there), default=float("nan"))
-        shares = {"contested": len(there), "shares": far, "shares_errors": errors, "shares_alone": alone}
+        shares = {
+            "contested": len(there),
+            "shares": 100.0 * max((apart(pooled_of(one), one["shares"]) for one in there), default=np.nan),
+            "shares_errors": max(map(in_errors, there), default=np.nan),
+            "shares_alone": 100.0 * max((apart(mean_of(one["plans"]), one["shares"]) for one in there), default=np.nan),
+        }
         values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst, **shares})
         cells = text_of({**values[-1], "from": 0.0, "to": None})
         table.append(
@@ -85,9 +85,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
                 f"{near}/{len(some)}",
                 f"{worst:+.2f}",
                 str(len(there)),
-                f"{far:.1f}",
-                f"{errors:.1f}",
-                f"{alone:.1f}",
+                *(f"{shares[key]:.1f}" for key in ("shares", "shares_errors", "shares_alone")),
             ]
         )
     if options.png is not None:
@@ -108,21 +106,8 @@ def collect(options: argparse.Namespace) -> tuple[Records, Records]:
         "threads": 1 if options.workers > 1 else None, "near_goal": options.near_goal,
     }  # fmt: skip
     todo = [Job(scene=scene, noise=noise, **shared) for scene in scenes for noise in options.noises or NOISES]
-    found, where = Records(), Records()
-    with tqdm(total=len(todo), desc="scenes x noises", leave=False, disable=None) as bar:
-        for records, contended in _in_turn(todo, options.workers):
-            found += records
-            where += contended
-            bar.update()
-    return found, where
-
-
-def _in_turn(todo: list[Job], workers: int) -> Iterator[tuple[Records, Records]]:
-    if workers == 1:
-        yield from map(looked_at, todo)
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(looked_at, todo)
+    found = list(spread(looked_at, todo, options.workers, "scenes x noises"))
+    return [one for records, _ in found for one in records], [one for _, records in found for one in records]
 
 
 def looked_at(job: Job) -> tuple[Records, Records]:
@@ -130,8 +115,7 @@ def looked_at(job: Job) -> tuple[Records, Records]:
     given = {"seed": job.seed, "threads": job.threads, "noise": job.noise}
     scenario = _scenario(job.scene, given)
     truth = Desirability.of(scenario.problem, scenario.space)
-    controller = scenario.controller(scenario.grown_tree())
-    assert isinstance(controller, Controller)
+    controller = controller_of(scenario, scenario.grown_tree())
     controller.path_integral.warm_up()
     asked = states_and_times(scenario, job)
     found = [_record(scenario, truth, controller, x, t, job) for x, t in asked]

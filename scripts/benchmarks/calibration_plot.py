@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.calibration_table import EDGES, scores
-from benchmarks.plots import COLORS
+from benchmarks.plots import COLORS, plain
 
 from pirrht.plotting.maps import pyplot
 from sim.plotting import draw_scene
@@ -16,6 +16,7 @@ NOMINAL = 0.9545  # of errors within two standard errors
 LEAST, MOST = 0.5, 8.0  # of the colours of the map: error over standard error
 ROOMS = 0.02, 30.0  # axis of room
 SCORES = 0.05, 300.0  # axis of errors over standard errors
+AXIS = r"room: clearance / (b $\sqrt{1\,\mathrm{s}}$)"
 
 
 def draw(path: Path, states: list[dict[str, Any]], scenario_of: Callable[[dict[str, Any]], Scenario]) -> None:
@@ -44,7 +45,7 @@ def _coverage(axes: Any, states: list[dict[str, Any]], which: str) -> None:
             own = [s for s in states if s["noise"] == noise and low <= s["room"] < high]
             if not own:
                 continue
-            shares = np.array([np.mean(_scores(s, which) <= 2.0) for s in own])
+            shares = np.array([np.mean(scores(s)[which] <= 2.0) for s in own])
             fewest[j] = min(fewest[j], sum(len(s["plans"]) for s in own))
             error = shares.std(ddof=1) / np.sqrt(len(shares)) if len(shares) > 1 else 0.0
             at = j + 0.2 * (i - 0.5 * (len(noises) - 1))
@@ -58,13 +59,10 @@ def _coverage(axes: Any, states: list[dict[str, Any]], which: str) -> None:
             [j - 0.45, j + 0.45], 100 * NOMINAL - half, np.minimum(100 * NOMINAL + half, 100), color="#dddddd"
         )
     axes.axhline(100 * NOMINAL, color="#333333", lw=1.0)
-    axes.set_ylim(0.0, 101.0)
     names = [f"{low:g} - {high:g}" if np.isfinite(high) else f">= {low:g}" for low, high in bins]
     axes.set_xticks(range(len(bins)), names)
-    axes.set_ylabel(f"{which} within 2 s.e. [% of plans]")
-    axes.set_xlabel(r"room: clearance / (b $\sqrt{1\,\mathrm{s}}$)")
     axes.set_title(f"coverage of {which}; line: {100 * NOMINAL:.1f} %, grey: its 95 % band", fontsize=10)
-    _plain(axes)
+    plain(axes, ylim=(0.0, 101.0), xlabel=AXIS, ylabel=f"{which} within 2 s.e. [% of plans]")
 
 
 def _scatter(axes: Any, states: list[dict[str, Any]], which: str) -> None:
@@ -72,30 +70,25 @@ def _scatter(axes: Any, states: list[dict[str, Any]], which: str) -> None:
     for i, noise in enumerate(sorted({s["noise"] for s in states})):
         own = [s for s in states if s["noise"] == noise]
         room = np.concatenate([np.full(len(s["plans"]), s["room"]) for s in own])
-        score = np.concatenate([_scores(s, which).reshape(len(s["plans"]), -1).max(axis=1) for s in own])
+        score = np.concatenate([scores(s)[which].reshape(len(s["plans"]), -1).max(axis=1) for s in own])
         axes.plot(
             room, np.clip(score, *SCORES), ".", color=COLORS[i], ms=3.5, alpha=0.35, mew=0, label=f"b = {noise:g}"
         )
-        tops = [np.quantile(_scores(s, which), 0.95) for s in own]
+        tops = [np.quantile(scores(s)[which], 0.95) for s in own]
         axes.plot([s["room"] for s in own], np.clip(tops, *SCORES), "o", mfc="none", color=COLORS[i], ms=4.5, mew=1.0)
     for level in (1.0, 2.0, 3.0):
         axes.axhline(level, color="#333333", lw=0.7, ls="-" if level == 2.0 else ":")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlim(*ROOMS)
-    axes.set_ylim(*SCORES)
-    axes.set_xlabel(r"room: clearance / (b $\sqrt{1\,\mathrm{s}}$)")
     worst = ", the worse component" if which == "u" else ""
-    axes.set_ylabel(f"|error of {which}| / its s.e.{worst}")
     axes.set_title("dots: plans; rings: 95 % quantile of a state; lines: 1, 2, 3", fontsize=10)
-    _plain(axes)
+    labels = {"xlabel": AXIS, "ylabel": f"|error of {which}| / its s.e.{worst}"}
+    plain(axes, xscale="log", yscale="log", xlim=ROOMS, ylim=SCORES, **labels)
 
 
 def _map(figure: Any, axes: Any, states: list[dict[str, Any]], which: str, scenario: Scenario) -> None:
     """One scene at one noise level; states coloured by root mean squares of error over standard error."""
     first = states[0]
     draw_scene(axes, scenario)
-    ratio = [np.sqrt(np.mean(_scores(s, which) ** 2)) for s in states]
+    ratio = [np.sqrt(np.mean(scores(s)[which] ** 2)) for s in states]
     dots = axes.scatter(
         *np.array([s["x"] for s in states]).T, c=np.log2(np.clip(ratio, LEAST, MOST)), cmap="RdYlBu_r", s=70,
         vmin=np.log2(LEAST), vmax=np.log2(MOST), edgecolors="black", linewidths=0.8, zorder=10,
@@ -114,15 +107,6 @@ def _picked(states: list[dict[str, Any]]) -> list[dict[str, Any]]:
     most = max(len(group) for group in groups.values())
 
     def variety(group: list[dict[str, Any]]) -> float:
-        return float(np.std([np.log(np.mean(_scores(s, "v") ** 2)) for s in group]))
+        return float(np.std([np.log(np.mean(scores(s)["v"] ** 2)) for s in group]))
 
     return max((group for group in groups.values() if len(group) == most), key=variety)
-
-
-def _scores(state: dict[str, Any], which: str) -> Any:
-    return scores(state)[which]
-
-
-def _plain(axes: Any) -> None:
-    axes.grid(alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)

@@ -38,29 +38,36 @@ def by_noise_and_scene(states: list[dict[str, Any]]) -> Iterator[tuple[float, st
 
 def summary(states: list[dict[str, Any]]) -> dict[str, Any]:
     """Coverage (shares), errors [cost, m/s] and effective samples (shares) of some states."""
-    with_plans = [s for s in states if s["plans"]]
-    each = [scores(s) for s in with_plans]
-    row: dict[str, Any] = {"states": len(states), "plans": sum(len(s["plans"]) for s in states)}
-    row["without"] = sum(s["without"] for s in states)
-    if not each:
-        return row
-    v, u = np.concatenate([e["v"] for e in each]), np.concatenate([e["u"] for e in each])
-    off_v, off_u = np.concatenate([e["off_v"] for e in each]), np.concatenate([e["off_u"] for e in each])
-    claim_v, claim_u = np.concatenate([e["claim_v"] for e in each]), np.concatenate([e["claim_u"] for e in each])
-    share = np.concatenate([e["share"] for e in each])
-    row |= {"v1": _within(v, 1), "v2": _within(v, 2), "v3": 1.0 - _within(v, 3)}
-    row |= {"ux1": _within(u[:, 0], 1), "ux2": _within(u[:, 0], 2)}
-    row |= {"uy1": _within(u[:, 1], 1), "uy2": _within(u[:, 1], 2)}
-    worst = np.max(u, axis=1)
-    row |= {"u2": _within(worst, 2), "u3": 1.0 - _within(worst, 3)}
-    row |= {"v_bias": float(off_v.mean()), "v_rms": _rms(off_v), "v_error": _rms(claim_v)}
-    row |= {"u_bias": float(np.concatenate([e["along"] for e in each]).mean())}
-    row |= {"u_rms": _rms(np.hypot(*off_u.T)), "u_error": _rms(np.hypot(*claim_u.T))}
-    row |= {"ess": float(np.median(share)), "ess_low": float(np.quantile(share, 0.05))}
-    row |= {"ess_few": float(np.mean([np.median(e["share"]) < FEW for e in each]))}
-    row |= {"v_bad": sum(_bad(e["v"]) for e in each), "u_bad": sum(_bad(np.max(e["u"], axis=1)) for e in each)}
-    row |= {"ms": float(np.median([p["ms"] for s in with_plans for p in s["plans"]]))}
-    return row
+    plans = [p for s in states for p in s["plans"]]
+    counts = {"states": len(states), "plans": len(plans), "without": sum(s["without"] for s in states)}
+    if not plans:
+        return counts
+    each = [scores(s) for s in states if s["plans"]]
+    of = {name: np.concatenate([e[name] for e in each]) for name in each[0]}
+    (ux, uy), worst = of["u"].T, of["u"].max(axis=1)
+    return counts | {
+        "v1": _within(of["v"], 1),
+        "v2": _within(of["v"], 2),
+        "v3": 1.0 - _within(of["v"], 3),
+        "ux1": _within(ux, 1),
+        "ux2": _within(ux, 2),
+        "uy1": _within(uy, 1),
+        "uy2": _within(uy, 2),
+        "u2": _within(worst, 2),
+        "u3": 1.0 - _within(worst, 3),
+        "v_bias": float(of["off_v"].mean()),
+        "v_rms": _rms(of["off_v"]),
+        "v_error": _rms(of["claim_v"]),
+        "u_bias": float(of["along"].mean()),
+        "u_rms": _rms(np.hypot(*of["off_u"].T)),
+        "u_error": _rms(np.hypot(*of["claim_u"].T)),
+        "ess": float(np.median(of["share"])),
+        "ess_low": float(np.quantile(of["share"], 0.05)),
+        "ess_few": float(np.mean([np.median(e["share"]) < FEW for e in each])),
+        "v_bad": sum(_bad(e["v"]) for e in each),
+        "u_bad": sum(_bad(np.max(e["u"], axis=1)) for e in each),
+        "ms": float(np.median([p["ms"] for p in plans])),
+    }
 
 
 def scores(state: dict[str, Any]) -> dict[str, Any]:
@@ -88,11 +95,16 @@ def text_of(row: dict[str, Any]) -> list[str]:
     cells = [f"{row['noise']:g}, {bin_}", str(row["states"]), str(row["plans"])]
     if "v1" not in row:
         return [*cells, *[""] * (len(HEADER) - 5), str(row["without"]), ""]
-    cells += [f"{100 * row[key]:.1f}" for key in ("v1", "v2", "v3", "ux1", "ux2", "uy1", "uy2", "u2", "u3")]
-    cells += [f"{row['v_bias']:+.4f}", f"{row['v_rms']:.4f}", f"{row['v_error']:.4f}"]
-    cells += [f"{row['u_bias']:+.4f}", f"{row['u_rms']:.4f}", f"{row['u_error']:.4f}"]
-    cells += [f"{100 * row[key]:.1f}" for key in ("ess", "ess_low", "ess_few")]
-    return [*cells, str(row["v_bad"]), str(row["u_bad"]), str(row["without"]), f"{row['ms']:.1f}"]
+    errors = [[f"{row[f'{x}_bias']:+.4f}", f"{row[f'{x}_rms']:.4f}", f"{row[f'{x}_error']:.4f}"] for x in "vu"]
+    return [
+        *cells,
+        *(f"{100 * row[key]:.1f}" for key in ("v1", "v2", "v3", "ux1", "ux2", "uy1", "uy2", "u2", "u3")),
+        *errors[0],
+        *errors[1],
+        *(f"{100 * row[key]:.1f}" for key in ("ess", "ess_low", "ess_few")),
+        *(str(row[key]) for key in ("v_bad", "u_bad", "without")),
+        f"{row['ms']:.1f}",
+    ]
 
 
 def truth_errors(states: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -113,13 +125,10 @@ def truth_errors(states: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def truth_text(row: dict[str, Any]) -> list[str]:
     """The table's line for that."""
-    cells = [""] * len(HEADER)
-    cells[0], cells[1] = f"{row['noise']:g}, truth", str(row["states"])
-    cells[HEADER.index("over 3")], cells[HEADER.index("u over 3")] = (
-        f"{row[f'{name}_over_error']:.2f}" for name in ("v", "u")
-    )
-    cells[13], cells[16] = (f"{row[name]:.4f}" for name in ("v", "u"))
-    return cells
+    cells = {0: f"{row['noise']:g}, truth", 1: str(row["states"])}
+    for name, score, rms in (("v", "over 3", 13), ("u", "u over 3", 16)):
+        cells |= {HEADER.index(score): f"{row[f'{name}_over_error']:.2f}", rms: f"{row[name]:.4f}"}
+    return [cells.get(k, "") for k in range(len(HEADER))]
 
 
 def _within(score: Any, most: float) -> float:

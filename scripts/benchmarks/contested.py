@@ -17,7 +17,7 @@ from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario
 
 MOST, CANDIDATES = 4, 100  # states that are asked for, and how many are looked at in search of them
-LOOKS, MANY = 1, 40  # plans by which one sees whether a state is contested, and that are made at once if it is ...
+MANY = 40  # plans that are made at once where the first one tells that a state is contested ...
 SURE = 0.01  # ... until the standard error of the likeliest class's share in their samples is less ...
 ALL = 600  # ... or there are so many
 PATHS = 2400  # of the grid's at each, whose own standard error is 1 point at most
@@ -44,10 +44,10 @@ def contested(
     """
     found: list[dict[str, Any]] = []
     for x, t in _candidates(scenario, places, seed, last):
-        made = _plans(controller, x, t, LOOKS)
+        made = _plans(controller, x, t, 1)
         if not made or max(mean_of([plan["shares"] for plan in made]).values()) >= TUNING.decided:
             continue
-        made += _plans(controller, x, t, plans - LOOKS)
+        made += _plans(controller, x, t, plans - 1)
         state = {"x": x.tolist(), "t": t, "shares": truth.shares(x, PATHS, t=t)}
         state |= _told(made, scenario.problem.temperature)
         while len(made) < most and _error_of(state, likeliest(state)) > SURE:

@@ -7,16 +7,15 @@ is of drives through each built-in scene.
 
 import argparse
 import json
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from tqdm import tqdm
+from benchmarks.moving_text import prepared
+from benchmarks.pool import spread
 from worlds import grown
 from worlds.page import Page, drum
 
@@ -47,10 +46,9 @@ class Drive(NamedTuple):
         if self.kind == self.scene:
             return prepare(self.scene, **given)
         page = GROWN[self.scene]() if self.kind == "grown" else world(self.scene)
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder, "scene.xml")
-            file.write_text(page.text())
-            return prepare(file, **given, **({"start": (2.25, 3.0, 0.5 * np.pi)} if self.kind == "BARN" else {}))
+        return prepared(
+            "scene", page.text(), **given, **({"start": (2.25, 3.0, 0.5 * np.pi)} if self.kind == "BARN" else {})
+        )
 
 
 def world(number: str) -> Page:
@@ -104,9 +102,8 @@ def row(robot: str, kind: str, found: Sequence[dict[str, Any]]) -> list[str]:
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON; a plan is doubtful below TUNING.few effective samples."""
-    wanted, table = list(drives(options)), list[list[str]]()
-    with ProcessPoolExecutor(options.workers) as pool:
-        found = list(tqdm(pool.map(figures, wanted), "drives", len(wanted), disable=None))
+    table = list[list[str]]()
+    found = list(spread(figures, list(drives(options)), options.workers, "drives"))
     for robot, of_robot in groupby(found, lambda one: str(one["robot"])):
         mine = list(of_robot)
         table += [row(robot, kind, list(some)) for kind, some in groupby(mine, lambda one: str(one["kind"]))]

@@ -1,11 +1,33 @@
 """What a plan claims that knows nothing from before."""
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.planner.references import Reference
+from pirrht.planner.tree import HomologyTree
+from pirrht.proposals.proposal import Batch
+from sim.scenario import Scenario
+
+
+def controller_of(scenario: Scenario, tree: HomologyTree) -> Controller:
+    """The controller that samples."""
+    controller = scenario.controller(tree)
+    assert isinstance(controller, Controller)
+    return controller
+
+
+def first_batch(scenario: Scenario, most: int | None = None) -> tuple[PathIntegral, Batch, Sequence[Reference], bool]:
+    """The sampler and batch of a plan at the start, its first references, and whether these hold tapes."""
+    tree = scenario.grown_tree()
+    controller = controller_of(scenario, tree)
+    references = tree.references(tree.at(scenario.start, 0.0))[:most]
+    batch = controller.batch(scenario.start, references)
+    return controller.path_integral, batch, references, tree.steering.drives
 
 
 def first_plan(controller: Controller, x: Array, t: float = 0.0) -> dict[str, Any] | None:

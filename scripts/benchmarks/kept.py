@@ -8,15 +8,14 @@ over v without. With --png the runs that collided are drawn over what was predic
 
 import argparse
 import math
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.plots import COLORS
+from benchmarks.plots import COLORS, plain
+from benchmarks.pool import spread
 from benchmarks.scenes import scenario_of
 from scipy.stats import binomtest
-from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
 from pirrht.exact.desirability import Desirability
@@ -34,8 +33,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     scenes: list[int | str] = [*range(options.first_seed, options.first_seed + (options.scenes or SCENES))]
     scenes = [options.scene] if options.scene else scenes
     jobs = [(one, noise) for one in scenes for noise in options.noises or NOISES]
-    with ProcessPoolExecutor(options.workers) as pool:
-        found = [cell for cells in tqdm(pool.map(_cells, jobs), total=len(jobs), disable=None) for cell in cells]
+    found = [cell for cells in spread(_cells, jobs, options.workers, "scenes x noises") for cell in cells]
     table = []
     for noise, risk in sorted({(one["noise"], -one["risk"]) for one in found}):
         cells = [one for one in found if (one["noise"], -one["risk"]) == (noise, risk)]
@@ -112,10 +110,9 @@ def draw(path: Path, found: list[dict[str, Any]]) -> None:
         )  # fmt: skip
         axes.axhline(risk, color=COLORS[i], lw=0.8, ls=":")
     axes.plot([least, 0.2], [least, 0.2], color="#444444", lw=0.9)
-    axes.set(xscale="log", yscale="log", xlim=(0.8 * least, 0.2), ylim=(0.8 * least, 0.2))
-    axes.set_xlabel("predicted probability of a collision")
-    axes.set_ylabel(f"share of {RUNS} runs that collided, 95 % intervals")
-    axes.grid(alpha=0.2)
-    axes.spines[["top", "right"]].set_visible(False)
+    plain(
+        axes, grid=0.2, xscale="log", yscale="log", xlim=(0.8 * least, 0.2), ylim=(0.8 * least, 0.2),
+        xlabel="predicted probability of a collision", ylabel=f"share of {RUNS} runs that collided, 95 % intervals",
+    )  # fmt: skip
     axes.legend(fontsize=8, frameon=False)
     figure.savefig(path, dpi=120)

@@ -11,17 +11,18 @@ within its clearance. With --part line truth is an exact grid, see `mass_line`.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
-from benchmarks.scenes import random_states, scenario_of
+from benchmarks.first_plan import controller_of, first_plan
+from benchmarks.scenes import random_states, scenario_of, with_references
 from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.errors import NoReference
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, Tape
@@ -66,48 +67,43 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
 
 def records(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """One record per state."""
-    count, seed = options.states or STATES, options.first_seed
-    with tqdm(total=count, desc="states", leave=False, disable=None) as bar:
+    left, seed = options.states or STATES, options.first_seed
+    with tqdm(total=left, desc="states", leave=False, disable=None) as bar:
         for scenario in scenarios(seed, options.noises, options.robot or "hover"):
-            controller = scenario.controller(scenario.grown_tree())
-            assert isinstance(controller, Controller)
-            for x in states_in(scenario, controller, min(EACH, count), seed):
+            controller = controller_of(scenario, scenario.grown_tree())
+            for x in states_in(scenario, controller, min(EACH, left), seed):
                 yield record(scenario, controller, x, options.samples or SAMPLES, options.plans or PLANS)
                 bar.update()
-                count -= 1
-            if count <= 0:
+                left -= 1
+            if left <= 0:
                 return
 
 
 def scenarios(seed: int, noises: list[float] | None = None, robot: str = "hover") -> Iterator[Scenario]:
     """`slit` and then random scenes, for a robot under default settings or with the noises [m/s/sqrt(s)] in turn."""
-    given: dict[str, Any] = {"seed": seed}
-    made: Callable[[], Scenario] = lambda: prepare("slit", robot=robot, given=given)  # noqa: E731
-    k = 0
-    while True:
-        scenario = made()
+    for k in count():
+        number = seed + k - 1
+        scenario = (
+            prepare("slit", robot=robot, given={"seed": seed})
+            if k == 0
+            else scenario_of(number, {"seed": number}, robot=robot)
+        )
         yield scenario if not noises else scenario.with_settings(noise=noises[k % len(noises)])
-        made = lambda number=seed + k: scenario_of(number, {**given, "seed": number}, robot=robot)  # noqa: E731
-        k += 1
 
 
 def states_in(scenario: Scenario, controller: Controller, count: int, seed: int) -> list[Array]:
     """Random positions, headings and velocities, (n,), from which there is a way, `count` at most."""
-    rng, found, names = np.random.default_rng([seed, 62]), [], scenario.problem.dynamics.states
-    for place in random_states(scenario.space, 4 * count, seed):
+    assert controller.tree is not None
+    return with_references(controller.tree, _drawn(scenario, 4 * count, seed), count)
+
+
+def _drawn(scenario: Scenario, count: int, seed: int) -> Iterator[Array]:
+    rng, names = np.random.default_rng([seed, 62]), scenario.problem.dynamics.states
+    for place in random_states(scenario.space, count, seed):
         speed = rng.random() * min(FASTEST, np.sqrt(2.0 * BRAKE * scenario.space.clearance(place)))
         angle = rng.uniform(-np.pi, np.pi)
         parts = {"vx": speed * np.cos(angle), "vy": speed * np.sin(angle), "heading": angle, "speed": speed}
-        x = np.array([*place, *(parts[name] for name in names[2:])])
-        try:
-            assert controller.tree is not None
-            controller.tree.references(x)
-        except NoReference:
-            continue
-        found.append(x)
-        if len(found) == count:
-            break
-    return found
+        yield np.array([*place, *(parts[name] for name in names[2:])])
 
 
 def record(scenario: Scenario, controller: Controller, x: Array, samples: int, plans: int) -> dict[str, Any]:
@@ -119,7 +115,7 @@ def record(scenario: Scenario, controller: Controller, x: Array, samples: int, p
     v = -lam * truth.log_psi
     out: dict[str, Any] = {
         "scene": scenario.loaded.scene.name, "x": x.tolist(), "noise": scenario.settings.noise,
-        "clearance": scenario.space.clearance(x), "speed": _speed(scenario, x),
+        "clearance": scenario.space.clearance(x), "speed": float(np.hypot(*scenario.problem.dynamics.f(x)[:2])),
         "classes": len(batches["tapes"].proposals), "v": v, "v_error": lam * truth.error,
         "claims_enough": all(said[kind].ess >= 100.0 for kind in KINDS),
     }  # fmt: skip
@@ -128,21 +124,11 @@ def record(scenario: Scenario, controller: Controller, x: Array, samples: int, p
             "share": lam * (truth.log_psi - one.log_psi) / v, "error": lam * one.error / v, "ess": one.ess,
             "log_psi": one.log_psi, "log_error": one.error, "samples": one.samples,
         }  # fmt: skip
-    off, claimed = [], []
-    for _ in range(plans):
-        controller.begin(x)
-        e = controller.plan(x).estimate
-        if e is not None:
-            off.append((e.value - v) / v)
-            claimed.append(e.value_error / v)
-    rms = [float(np.sqrt(np.mean(np.square(some)))) if some else np.nan for some in (off, claimed)]
-    bias = float(np.mean(off)) if off else np.nan
-    return out | {"plans": {"bias": bias, "rms": rms[0], "claimed": rms[1], "without": plans - len(off)}}
-
-
-def _speed(scenario: Scenario, x: Array) -> float:
-    """How fast x (n,) moves without control [m/s]."""
-    return float(np.hypot(*scenario.problem.dynamics.f(x)[:2]))
+    made = [plan for plan in (first_plan(controller, x) for _ in range(plans)) if plan is not None]
+    off = np.array([plan["v"] - v for plan in made] or [np.nan]) / v
+    claimed = np.array([plan["v_error"] for plan in made] or [np.nan]) / v
+    rms, claim = (float(np.sqrt(np.mean(np.square(some)))) for some in (off, claimed))
+    return out | {"plans": {"bias": float(np.mean(off)), "rms": rms, "claimed": claim, "without": plans - len(made)}}
 
 
 def batches_at(controller: Controller, x: Array) -> dict[str, Batch]:
@@ -197,13 +183,12 @@ def psi_of(integral: PathIntegral, batch: Batch, samples: int, seed: int) -> Psi
 
 
 def _text(one: dict[str, Any]) -> list[str]:
-    cells = [one["scene"], f"{one['clearance']:.3f}", f"{one['speed']:.2f}", str(one["classes"])]
-    cells += [f"{one['v']:.4f}", f"{one['v_error']:.4f}"]
-    for kind in KINDS[1:]:
-        cells += [f"{100 * one[kind]['share']:+.3f}", f"{100 * one[kind]['error']:.3f}"]
-    cells += [f"{one[kind]['ess']:.0f}" for kind in KINDS]
-    return (
-        cells
-        + [f"{100 * one['plans'][key]:+.2f}" for key in ("bias",)]
-        + [f"{100 * one['plans'][key]:.2f}" for key in ("rms", "claimed")]
-    )
+    tapes, crossed, plans = (one[key] for key in (*KINDS[1:], "plans"))
+    return [
+        one["scene"], f"{one['clearance']:.3f}", f"{one['speed']:.2f}", str(one["classes"]),
+        f"{one['v']:.4f}", f"{one['v_error']:.4f}",
+        f"{100 * tapes['share']:+.3f}", f"{100 * tapes['error']:.3f}",
+        f"{100 * crossed['share']:+.3f}", f"{100 * crossed['error']:.3f}",
+        *(f"{one[kind]['ess']:.0f}" for kind in KINDS),
+        f"{100 * plans['bias']:+.2f}", f"{100 * plans['rms']:.2f}", f"{100 * plans['claimed']:.2f}",
+    ]  # fmt: skip

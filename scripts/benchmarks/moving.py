@@ -16,13 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.first_plan import first_batch
 from benchmarks.moving_scene import moving_scenario
-from benchmarks.timing import interleaved, row, ticks
+from benchmarks.timing import interleaved, planning, row, ticks
 
-from pirrht.control.controller import Controller
-from pirrht.estimation.sampler import PathIntegral
 from pirrht.moving.obstacles import MovingObstacleArrays
-from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.tables import PredictedWorld
 from sim.recording.recorder import Recorder, Sinks
 from sim.scenario import Scenario
@@ -45,7 +43,7 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
         for name, (taken, rate) in known.items():
             over = known["one guide, none" if "guide" in name else "none"][1] / rate  # the same without bodies
             table.append(row(f"rollouts, {steps} steps, {name}", taken, over, rate=f"{rate / 1e6:.2f} M steps/s"))
-    seconds = planning(scenarios[0])
+    seconds = planning(scenarios[0], REPEATS)
     table.append(row(f"planning {VERTICES} vertices", seconds))
     spent, classes = control_steps(scenarios, options.drive)
     for name, times in spent.items():
@@ -69,7 +67,7 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
 
 def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Median time [s] and steps per second of a plan's rollouts, and of the first guide's, with bodies and without."""
-    batch, among = plan_batch(scenario)
+    among, batch, _, _ = first_batch(scenario)
     alone, nothing = copy(among), MovingObstacleArrays.of(replace(scenario.loaded.scene, movers=()))
     alone.proposals = copy(among.proposals)
     world = among.setup.world._replace(moving=nothing)
@@ -83,25 +81,6 @@ def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     }
     seconds = interleaved(work, REPEATS)
     return {name: (spent, float(work[name](0).paths.steps.sum()) / spent) for name, spent in seconds.items()}
-
-
-def plan_batch(scenario: Scenario) -> tuple[Batch, PathIntegral]:
-    """What a first plan samples around, and who samples."""
-    controller = scenario.controller(scenario.grown_tree())
-    assert isinstance(controller, Controller)
-    assert controller.tree is not None
-    references = controller.tree.references(controller.tree.at(scenario.start, 0.0))
-    return controller.batch(scenario.start, references), controller.path_integral
-
-
-def planning(scenario: Scenario) -> float:
-    """Median processor time to grow a tree of VERTICES [s]."""
-    spent = []
-    for seed in range(REPEATS):
-        began = time.process_time()
-        scenario.with_settings(seed=seed).grown_tree()
-        spent.append(time.process_time() - began)
-    return float(np.median(spent))
 
 
 def control_steps(scenarios: list[Scenario], seconds: float) -> tuple[dict[str, list[float]], float]:

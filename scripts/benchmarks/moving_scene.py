@@ -32,7 +32,7 @@ def moving_scene(seed: int, bodies: int) -> str:
 
 def moving_scenario(seed: int, bodies: int, given: dict[str, Any], robot: str | None = None) -> Scenario:
     """The scene ready to be planned in, under settings by name."""
-    return prepared(f"moving{seed}", moving_scene(seed, bodies), given, robot)
+    return prepared(f"moving{seed}", moving_scene(seed, bodies), given=given, robot=robot)
 
 
 def _body(j: int, rng: np.random.Generator) -> tuple[str, str]:

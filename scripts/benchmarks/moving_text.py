@@ -1,7 +1,7 @@
 """MJCF of random scenes in which bodies move, by the conventions of `sim.mjcf`."""
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,9 +54,9 @@ def mover(name: str, shape: str, rows: Array, repeat: bool = False) -> tuple[str
     return body, f'    <numeric name="pirrht_motion_{name}" data="{data}"/>{again}'
 
 
-def prepared(name: str, text: str, given: Mapping[str, Any], robot: str | None = None) -> Scenario:
-    """A model ready to be planned in, under settings by name."""
+def prepared(name: str, text: str, **task: Any) -> Scenario:
+    """A model ready to be planned in, by what `prepare` takes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.xml"
         path.write_text(text)
-        return prepare(path, robot=robot, given=given)
+        return prepare(path, **task)

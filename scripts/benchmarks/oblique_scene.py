@@ -39,7 +39,7 @@ def oblique_scene(seed: int) -> str:
 
 def oblique_scenario(seed: int, given: Mapping[str, Any]) -> Scenario:
     """The scene ready to be planned in, under settings by name."""
-    return prepared(f"oblique{seed}", oblique_scene(seed), given)
+    return prepared(f"oblique{seed}", oblique_scene(seed), given=given)
 
 
 def _task(rng: np.random.Generator) -> tuple[Array, Array]:

@@ -11,6 +11,13 @@ from sim.drawing.colors import METHODS
 COLORS = [tuple(c / 255.0 for c in color) for color in METHODS]
 
 
+def plain(axes: Any, *, grid: float = 0.25, which: str = "major", **properties: Any) -> None:
+    """Set labels, scales and limits of a panel by name; a grid, and no frame above and at the right."""
+    axes.set(**properties)
+    axes.grid(alpha=grid, which=which)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
 def samples(path: Path, values: list[dict[str, Any]]) -> None:
     """Error of u against the number of samples per class, one panel per noise level."""
     plt = pyplot("this script")
@@ -21,9 +28,7 @@ def samples(path: Path, values: list[dict[str, Any]]) -> None:
             line = [(v["samples"], v["error"]) for v in values if v["variant"] == name and v["noise"] == noise]
             axes.loglog(*zip(*line, strict=True), "o-", color=COLORS[i], lw=1.8, ms=4, label=name)
         axes.set_title(f"b = {noise:g}", fontsize=10)
-        axes.set_xlabel("samples per class")
-        axes.grid(alpha=0.25, which="both")
-        axes.spines[["top", "right"]].set_visible(False)
+        plain(axes, which="both", xlabel="samples per class")
     np.atleast_1d(panels)[0].set_ylabel("error of u [m/s]")
     np.atleast_1d(panels)[-1].legend(fontsize=8, frameon=False)
     figure.savefig(path, dpi=120)
@@ -43,9 +48,8 @@ def drives(path: Path, values: list[dict[str, Any]]) -> None:
         left.bar(place, [100.0 * own[b]["success"] for b in noises], width, color=COLORS[i % len(COLORS)], label=method)
         right.bar(place, [own[b]["cost_over_optimal"] for b in noises], width, color=COLORS[i % len(COLORS)])
     left.set_ylabel("reach the goal [%]")
-    right.set_ylabel("cost over optimal, both arrived")
+    right.set(ylabel="cost over optimal, both arrived", ylim=(0.9, None))
     right.axhline(1.0, color="#333333", lw=0.8)
-    right.set_ylim(0.9, None)
     for axes in (left, right):
         axes.set_xticks(np.arange(len(noises)), [f"b = {b:g}" for b in noises])
         axes.spines[["top", "right"]].set_visible(False)

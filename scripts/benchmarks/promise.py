@@ -6,14 +6,13 @@ Among moving bodies plans follow each other in a tenth of a second. With --robot
 
 import argparse
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from typing import Any
 
 from benchmarks.moving_scene import moving_scenario
+from benchmarks.pool import spread
 from benchmarks.scenes import scenario_of
 from scipy.stats import binomtest
-from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
 
@@ -29,9 +28,8 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     seeds = range(options.first_seed, options.first_seed + (options.scenes or SCENES))
     drives, table, values = min(options.seeds, DRIVES), list[list[str]](), list[dict[str, Any]]()
     for kind, noise in kinds:
-        with ProcessPoolExecutor(options.workers) as pool:
-            found = pool.map(partial(ends, kind, options.robot, noise, drives), seeds)
-            values += (mine := list(tqdm(found, f"{kind} {noise or ''}", len(seeds), disable=None)))
+        work = partial(ends, kind, options.robot, noise, drives)
+        values += (mine := list(spread(work, seeds, options.workers, f"{kind} {noise or ''}")))
         driven = [one for one in mine if one["margin"] is not None]
         total = sum((one["ends"] for one in driven), Counter[str]())
         low, high = binomtest(total["COLLISION"], max(total.total(), 1)).proportion_ci(method="wilson")

@@ -180,7 +180,7 @@ def _errors(noise: float, changes: dict[str, Any]) -> tuple[float, float]:
     controller = scenario.controller(tree)
     controller.path_integral.warm_up()
     errors, spent = [], []
-    for x in points(scenario):
+    for x in islice(clear_states(scenario.space, 2), POINTS):
         exact, square = truth.control(x), []
         controller.begin(x)
         controller.plan(x)
@@ -191,11 +191,6 @@ def _errors(noise: float, changes: dict[str, Any]) -> tuple[float, float]:
             square.append(float(np.sum((plan.control - exact) ** 2)))
         errors.append(float(np.sqrt(np.mean(square))))
     return float(np.mean(errors)), float(np.median(spent))
-
-
-def points(scenario: Scenario) -> Iterator[Array]:
-    """The first POINTS clear points."""
-    return islice(clear_states(scenario.space, 2), POINTS)
 
 
 def desirability(_: argparse.Namespace) -> Table:

@@ -7,21 +7,21 @@ apart in closed form, and scenes be judged before anything is loaded.
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.moving_text import prepared
 from scipy.ndimage import label
 
 from pirrht.arrays import Array, BoolArray
+from pirrht.errors import NoReference
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
-from sim.mjcf import load
+from pirrht.planner.tree import HomologyTree
 from sim.mjcf.robot import read_robot
-from sim.scenario import Scenario, prepare
+from sim.scenario import Scenario
 
 SIDE = 5.0  # of the workspace [m]
 HIGH = 0.4  # half height of what stands [m]
@@ -110,17 +110,9 @@ def random_scene(seed: int, most: int = 8, least: float = 0.0) -> str:
             return layout.text(f"random{seed}")
 
 
-def write_scene(seed: int, folder: Path, most: int = 8, least: float = 0.0) -> Path:
-    """The file of a random scene."""
-    path = folder / f"random{seed}.xml"
-    path.write_text(random_scene(seed, most, least))
-    return path
-
-
 def scene_of(seed: int) -> Scene:
     """A random scene as plain values."""
-    with tempfile.TemporaryDirectory() as folder:
-        return load(write_scene(seed, Path(folder))).scene
+    return scenario_of(seed, {}).loaded.scene
 
 
 def scenario_of(seed: int, given: Mapping[str, Any], *, most: int = 8, **task: Any) -> Scenario:
@@ -130,9 +122,8 @@ def scenario_of(seed: int, given: Mapping[str, Any], *, most: int = 8, **task: A
     """
     robot = task.get("robot")
     least = 0.0 if robot is None or task.get("radius") else read_robot(robot, None).radius
-    with tempfile.TemporaryDirectory() as folder:
-        margin = 0.0 if given.get("risk") is None else None
-        return prepare(write_scene(seed, Path(folder), most, least), given=given, margin=margin, **task)
+    margin = 0.0 if given.get("risk") is None else None
+    return prepared(f"random{seed}", random_scene(seed, most, least), given=given, margin=margin, **task)
 
 
 def random_states(space: FreeSpace, count: int, seed: int) -> Array:
@@ -184,6 +175,20 @@ def places_of(space: FreeSpace, count: int, seed: int, near_goal: float | None) 
     if near_goal is None:
         return random_states(space, count, seed)
     return states_near_goal(space, count, seed, near_goal)
+
+
+def with_references(tree: HomologyTree, states: Iterable[Array], count: int) -> list[Array]:
+    """The first states (n,) from which there is a way, `count` at most."""
+    found = list[Array]()
+    for x in states:
+        try:
+            tree.references(x)
+        except NoReference:
+            continue
+        found.append(x)
+        if len(found) == count:
+            break
+    return found
 
 
 def _cell(space: FreeSpace, x: Array) -> tuple[int, ...]:

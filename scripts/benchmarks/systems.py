@@ -6,15 +6,14 @@ steps of the grid; near walls each of them may be several of a path's own.
 """
 
 import argparse
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from benchmarks.timing import interleaved, row
+from benchmarks.first_plan import first_batch
+from benchmarks.timing import interleaved, planning, row
 
-from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.planner.references import Reference
 from pirrht.proposals.proposal import Batch, Proposal, Tape
@@ -32,7 +31,7 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
     given = {"vertices": VERTICES, "classes": CLASSES, "samples": SAMPLES}
     scenario = prepare(scene, robot=robot, given=given)
     rehearse(scenario, driving=True)
-    seconds = {f"{robot}, {scene}: planning {VERTICES} vertices": planning(scenario)}
+    seconds = {f"{robot}, {scene}: planning {VERTICES} vertices": planning(scenario, REPEATS)}
     steps, classes = control_steps(scenario, options.drive)
     seconds[f"{robot}, {scene}: control step"] = float(np.median(steps))
     table = [
@@ -42,16 +41,6 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
     for name, (spent, rate) in rates.items():
         table.append(row(f"{robot}, {scene}: {MANY} rollouts, {name}", spent, rate=f"{rate / 1e6:.1f} M steps/s"))
     return table, {"seconds": seconds, "classes": classes, "steps_per_second": {k: v[1] for k, v in rates.items()}}
-
-
-def planning(scenario: Scenario) -> float:
-    """Median time to grow a tree of VERTICES [s]."""
-    spent = []
-    for seed in range(REPEATS):
-        began = time.perf_counter()
-        scenario.with_settings(seed=seed).grown_tree()
-        spent.append(time.perf_counter() - began)
-    return float(np.median(spent))
 
 
 def control_steps(scenario: Scenario, seconds: float) -> tuple[list[float], float]:
@@ -65,18 +54,13 @@ def control_steps(scenario: Scenario, seconds: float) -> tuple[list[float], floa
 
 def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Median time [s] and steps per second of rollouts that are led and of those that hold tapes, on all threads."""
-    controller = scenario.controller(scenario.grown_tree())
-    assert isinstance(controller, Controller)
-    assert controller.tree is not None
-    x, integral = scenario.start, controller.path_integral
-    references = controller.tree.references(x)
-    guided = controller.batch(x, references)
+    integral, guided, references, holds = first_batch(scenario)
     one = min(len(guided.proposals), 1)
     batches: dict[str, Batch] = {
         f"{len(references)} guides": guided.counting([MANY // len(references)] * len(references)),
         "one guide": replace(guided, proposals=guided.proposals[:one]).counting([MANY]),
     }
-    if controller.tree.steering.drives:
+    if holds:
         batches[f"{len(references)} tapes"] = replace(guided, proposals=_tapes(guided, references))
         batches["one tape"] = replace(guided, proposals=_tapes(guided, references[:1]))
     return _timed(integral, batches)
@@ -84,16 +68,11 @@ def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
 
 def ends_of_steps(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """The same of the paper's rule of exits under one tape; empty where references are no tapes."""
-    there = scenario.with_settings(exit="endpoint")
-    controller = there.controller(there.grown_tree())
-    assert isinstance(controller, Controller)
-    assert controller.tree is not None
-    if not controller.tree.steering.drives:
+    integral, guided, references, holds = first_batch(scenario.with_settings(exit="endpoint"), 1)
+    if not holds:
         return {}
-    references = controller.tree.references(there.start)[:1]
-    guided = controller.batch(there.start, references)
     batch = replace(guided, proposals=_tapes(guided, references))
-    return _timed(controller.path_integral, {"one tape, exits at ends of steps": batch})
+    return _timed(integral, {"one tape, exits at ends of steps": batch})
 
 
 def _tapes(guided: Batch, references: Sequence[Reference]) -> tuple[Proposal, ...]:

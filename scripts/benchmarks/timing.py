@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.scenario import Scenario
+
 STAT = Path("/proc/stat")  # what Linux knows of its processors' time
 STOLEN = 7  # column of it, after its name, of what went to other machines on the same hardware
 
@@ -24,6 +26,16 @@ def interleaved(work: Mapping[str, Callable[[int], object]], repeats: int, *, wa
             function(repeat + 1)
             spent[name].append(time.perf_counter() - began)
     return {name: float(np.median(times[1:])) for name, times in spent.items()}
+
+
+def planning(scenario: Scenario, repeats: int) -> float:
+    """Median processor time to grow a tree [s], each of another seed."""
+    spent = []
+    for seed in range(repeats):
+        began = time.process_time()
+        scenario.with_settings(seed=seed).grown_tree()
+        spent.append(time.process_time() - began)
+    return float(np.median(spent))
 
 
 def ticks() -> tuple[int, int]:

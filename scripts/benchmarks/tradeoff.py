@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.plots import COLORS
+from benchmarks.plots import COLORS, plain
 from scipy.stats import binomtest
 from tqdm import tqdm
 
@@ -96,12 +96,9 @@ def draw(path: Path, found: list[dict[str, Any]], title: str) -> None:
             color="#222222" if method == "exact" else COLORS[i % len(COLORS)],
         )  # fmt: skip
     axes.set_xscale("symlog", linthresh=1.0)
-    axes.set_xlim(-0.1, 100.0)
     axes.set_xticks([0, 1, 3, 10, 30, 100], ["0", "1", "3", "10", "30", "100"])
-    axes.set_xlabel("drives that collided [%], with 95 % intervals")
-    axes.set_ylabel("cost of drives that arrived")
     axes.set_title(title, fontsize=10)
-    axes.grid(alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
+    labels = {"xlabel": "drives that collided [%], with 95 % intervals", "ylabel": "cost of drives that arrived"}
+    plain(axes, xlim=(-0.1, 100.0), **labels)
     axes.legend(fontsize=8, frameon=False)
     figure.savefig(path, dpi=120)

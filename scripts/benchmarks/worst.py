@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from benchmarks.effective import Drive, drives
+from benchmarks.first_plan import controller_of
 from tqdm import tqdm
 
 from pirrht.arrays import Array, IntArray
@@ -84,7 +85,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
 def anew(weak: Weak) -> float:
     """Return the log psi [nats] that a controller whose run begins there finds more; 0: within the errors."""
     x, scenario = weak.estimate.rollouts.origin.x, weak.scenario
-    controller = scenario.controller(scenario.grown_tree())
+    controller = controller_of(scenario, scenario.grown_tree())
     controller.begin(x, weak.plan.time)
     other = controller.plan(x).estimate
     if other is None:
@@ -112,7 +113,7 @@ def losses(weak: Weak, h: int) -> dict[str, Any]:
     paths, log_weight = sampled(len(tables.times) - 1)
     arrived = paths.outcome == Outcome.GOAL
     arrived &= log_weight > np.max(log_weight[arrived], initial=-np.inf) - FAR
-    last = int(paths.steps[arrived].max(initial=KNOTS))
+    last = min(int(paths.steps[arrived].max(initial=KNOTS)), len(tables.times) - 1)
     knots = np.unique(np.linspace(0, last, KNOTS + 1).astype(int))
     states = backend.trace(rollouts.setup, tables, origin, np.arange(MANY))[0][:, : last + 1]
     under_way = paths.steps[:, None] >= np.arange(last + 1)
@@ -123,7 +124,7 @@ def losses(weak: Weak, h: int) -> dict[str, Any]:
     died = np.histogram(paths.steps[paths.outcome == Outcome.COLLISION], knots)[0]
     nats = variance - np.diff(np.log(np.maximum(MANY - np.cumsum([0, *died]), 0.5)))
     end = int(tables.law_length[h]) // FINER or last
-    guidance = weak.scenario.controller(weak.scenario.grown_tree()).path_integral.guidance  # type: ignore[union-attr]
+    guidance = controller_of(weak.scenario, weak.scenario.grown_tree()).path_integral.guidance
     layer = 0.0 if guidance is None else guidance.tasks[1.0].margin
     part = np.where(knots[:-1] >= end, "end", np.where(clear < layer, "walls", "between"))
     weight, own = normalised(np.where(arrived, log_weight, -np.inf))

@@ -96,7 +96,9 @@ def _panel(axes: Any, shown: Shown) -> None:
         x, y, _ = mover.motion.pose(until)
         axes.text(x, y, 1.04 * until, mover.name, fontsize=7, color=MOVER, ha="center", va="bottom", zorder=9)
     _braids(axes, shown, [*walls, *bodies])
-    _scales(axes, shown)
+    style.space(axes, scene.lower, scene.upper, (0.0, until), height=HEIGHT, **VIEW)
+    axes.set_zlabel("$t$ [s]", labelpad=-8, rotation=90)
+    axes.set_zticks(np.arange(0.0, until + 0.5))
 
 
 def _braids(axes: Any, shown: Shown, solids: Sequence[Tube]) -> None:
@@ -183,25 +185,6 @@ def _around(side: NDArray[np.bool_]) -> NDArray[np.int64]:
     begins = np.flatnonzero(side & ~np.roll(side, 1))
     begin = int(begins[0]) if len(begins) else 0
     return (begin + np.arange(int(side.sum()) + 1)) % len(side)
-
-
-def _scales(axes: Any, shown: Shown) -> None:
-    scene, until = shown.scenario.loaded.scene, shown.until
-    axes.set_xlim(scene.lower[0], scene.upper[0])
-    axes.set_ylim(scene.lower[1], scene.upper[1])
-    axes.set_zlim(0.0, until)
-    axes.set_box_aspect((*(scene.upper - scene.lower), HEIGHT), zoom=1.08)
-    axes.view_init(**VIEW)
-    axes.set_xlabel("$x$ [m]", labelpad=-5)
-    axes.set_ylabel("$y$ [m]", labelpad=-5)
-    axes.zaxis.set_rotate_label(False)
-    axes.set_zlabel("$t$ [s]", labelpad=-8, rotation=90)
-    axes.set_zticks(np.arange(0.0, until + 0.5))
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
-        axis._axinfo["grid"].update(color="#dddddd", linewidth=0.4)
-        axis.line.set_linewidth(0.6)
-    axes.tick_params(pad=-2)
 
 
 def _prism(ring: Array, until: float) -> Tube:

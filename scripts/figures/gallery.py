@@ -26,8 +26,9 @@ class Entry:
     draw: Draw  # (pyplot, effort, tick) -> matplotlib figure
 
 
-def _tree(plt: Any, effort: Effort, tick: Tick) -> Any:
-    return lifted.draw(plt, lifted.work(effort, tick))
+def _of(module: Any) -> Draw:
+    """Draw what a module works out."""
+    return lambda plt, effort, tick: module.draw(plt, module.work(effort, tick))
 
 
 def _points(plt: Any, effort: Effort, tick: Tick) -> Any:
@@ -39,31 +40,21 @@ def _points(plt: Any, effort: Effort, tick: Tick) -> Any:
     return snapshots.draw(plt, drives, labels=labels, width=style.PAGE, whole=False)
 
 
-def _lengths(plt: Any, effort: Effort, tick: Tick) -> Any:
-    return lengths.draw(plt, lengths.work(effort, tick))
-
-
 def _car(plt: Any, effort: Effort, tick: Tick) -> Any:
     drive = snapshots.drive(effort.scenario("clutter"), CAR_MOMENTS)
     tick()
     return snapshots.draw(plt, [drive], labels=[""], width=style.PAGE, whole=True)
 
 
-def _shares(plt: Any, effort: Effort, tick: Tick) -> Any:
-    return shares.draw(plt, shares.work(effort, tick))
-
-
-def _braids(plt: Any, effort: Effort, tick: Tick) -> Any:
-    return braids.draw(plt, braids.work(effort, tick))
-
-
 FIGURES = {
-    1: Entry(name="fig1-tree", text="the tree in the H-augmented space", pieces=lambda _: 1, draw=_tree),
+    1: Entry(name="fig1-tree", text="the tree in the H-augmented space", pieces=lambda _: 1, draw=_of(lifted)),
     2: Entry(name="fig2-drives", text="drives with little and much noise", pieces=lambda _: len(NOISES), draw=_points),
-    3: Entry(name="fig3-lengths", text="path lengths per class and iteration", pieces=lambda _: 1, draw=_lengths),
+    3: Entry(name="fig3-lengths", text="path lengths per class and iteration", pieces=lambda _: 1, draw=_of(lengths)),
     4: Entry(name="fig4-car", text="a drive of the car", pieces=lambda _: 1, draw=_car),
-    5: Entry(name="fig5-shares", text="class shares against noise", pieces=lambda e: len(e.noises), draw=_shares),
-    6: Entry(name="fig6-braids", text="classes in space and time", pieces=lambda _: len(braids.SCENES), draw=_braids),
+    5: Entry(name="fig5-shares", text="class shares against noise", pieces=lambda e: len(e.noises), draw=_of(shares)),
+    6: Entry(
+        name="fig6-braids", text="classes in space and time", pieces=lambda _: len(braids.SCENES), draw=_of(braids)
+    ),
 }
 
 

@@ -46,8 +46,7 @@ def robot(axes: Any, scene: Scene, state: Array) -> None:
 
 def frame(axes: Any, low: Array, high: Array) -> None:
     """Limits of a map [m]."""
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
 
 
 def around(lines: Sequence[Array], scene: Scene, margin: float) -> tuple[Array, Array]:

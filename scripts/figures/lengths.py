@@ -62,8 +62,7 @@ def draw(plt: Any, shown: Lengths) -> Any:
     for i, (x, y) in enumerate(shown.scenario.space.homology.markers, 1):
         right.text(x, y, str(i), color="white", fontsize=6, ha="center", va="center", zorder=11)
     ground.frame(right, scene.lower, scene.upper)
-    right.set_xlabel("$x$ [m]")
-    right.set_ylabel("$y$ [m]")
+    right.set(xlabel="$x$ [m]", ylabel="$y$ [m]")
     style.panel(right, 1, f"references, {shown.tree.size} vertices")
     figure.legend(
         *left.get_legend_handles_labels(), loc="outside lower center", ncols=4, columnspacing=1.6,
@@ -82,10 +81,6 @@ def _histories(axes: Any, shown: Lengths, colors: ClassColors) -> None:
     last = [r.length for r in shown.references]
     if last:  # first paths may be several times as long as the last ones: those are what one looks at
         axes.set_ylim(0.97 * min(last), 1.35 * max(last))
-    axes.set_xlim(0, 1.06 * iterations[-1])
-    axes.set_xlabel("iteration (random states drawn)")
-    axes.set_ylabel("shortest path of the class [m]")
-    axes.grid(color="#e3e3e3", lw=0.4)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
+    labels = {"xlabel": "iteration (random states drawn)", "ylabel": "shortest path of the class [m]"}
+    style.lines(axes, xlim=(0, 1.06 * iterations[-1]), **labels)
     style.panel(axes, 0, "tree's paths; bars at the right: references, pulled taut")

@@ -71,22 +71,14 @@ def _panel(axes: Any, shown: Lifted, obstacle: int, colors: ClassColors) -> None
     far = np.argsort(-ends[:, :, 1].mean(axis=1), kind="stable")  # what is near is drawn last
     axes.add_collection3d(Line3DCollection(ends[far], colors=TREE, lw=0.25, alpha=0.55, zorder=3))
     for reference in reversed(shown.references):
-        _path(axes, *_raised(shown, reference, obstacle), style.rgb(colors[reference.id]))
-    axes.set_xlim(scene.lower[0], scene.upper[0])
-    axes.set_ylim(scene.lower[1], scene.upper[1])
-    axes.set_zlim(low, high)
-    axes.set_box_aspect((*(scene.upper - scene.lower), 4.2), zoom=1.08)
-    axes.view_init(**VIEW)
-    axes.set_xlabel("$x$ [m]", labelpad=-5)
-    axes.set_ylabel("$y$ [m]", labelpad=-5)
-    axes.zaxis.set_rotate_label(False)
+        line, beads = _raised(shown, reference, obstacle)
+        color = style.rgb(colors[reference.id])
+        axes.plot(*line.T, color="white", lw=2.8, zorder=4)
+        axes.plot(*line.T, color=color, lw=1.5, zorder=5)
+        axes.plot(*beads.T, "o", ms=2.8, mfc="white", mec=color, mew=0.9, ls="none", zorder=6)
+    style.space(axes, scene.lower, scene.upper, (low, high), height=4.2, **VIEW)
     axes.set_zlabel(f"$H_{obstacle + 1}$ [turns]", labelpad=-6, rotation=90)
     axes.set_zticks([0.4, 0.7, 1.0, 1.3, 1.6] if limit == 0.6 else np.linspace(1 - limit, 1 + limit, 5).round(2))
-    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
-        axis._axinfo["grid"].update(color="#dddddd", linewidth=0.4)
-        axis.line.set_linewidth(0.6)
-    axes.tick_params(pad=-2)
 
 
 def _floor(axes: Any, polygons: Any, shown: Lifted, z: float, obstacle: int) -> None:
@@ -108,12 +100,6 @@ def _raised(shown: Lifted, reference: Reference, obstacle: int) -> tuple[Array, 
     return tuple(  # type: ignore[return-value]
         np.column_stack([points, strokes.remaining(homology, reference, points, obstacle)]) for points in (fine, beads)
     )
-
-
-def _path(axes: Any, line: Array, beads: Array, color: Any) -> None:
-    axes.plot(*line.T, color="white", lw=2.8, zorder=4)
-    axes.plot(*line.T, color=color, lw=1.5, zorder=5)
-    axes.plot(*beads.T, "o", ms=2.8, mfc="white", mec=color, mew=0.9, ls="none", zorder=6)
 
 
 def _at(points: Array, z: float) -> Array:

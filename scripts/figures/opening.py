@@ -50,7 +50,7 @@ def pictures(
             ground.frame(axes, low, high)
             axes.set_axis_off()
         figure.text(0.01, 0.03 / height, note, fontsize=8.5, color=style.INK)
-        yield _pixels(figure)
+        yield pixels(figure)
         plt.close(figure)
 
 
@@ -87,6 +87,7 @@ def _shares(one: Drive, time: float, ways: Mapping[str, str]) -> str:
     return f"{frame.time:.1f} s: {ways.get(name, title(name))} {100 * shares[name]:.0f} %"
 
 
-def _pixels(figure: Any) -> NDArray[np.uint8]:
+def pixels(figure: Any) -> NDArray[np.uint8]:
+    """A figure as a picture (height, width, 3)."""
     figure.canvas.draw()
     return np.array(figure.canvas.buffer_rgba())[..., :3]

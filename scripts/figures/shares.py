@@ -88,13 +88,10 @@ def draw(plt: Any, shown: Shares) -> Any:
             shown.noises[known], share, yerr=bar, fmt="o", ms=3.2, mfc="white", mec=color, ecolor=color,
             elinewidth=0.8, mew=0.9, zorder=4,
         )  # fmt: skip
-    axes.set_xlabel("noise $b$ [m/$\\sqrt{\\mathrm{s}}$]")
-    axes.set_ylabel("probability of the class")
-    axes.set_ylim(-0.03, 1.03)
-    axes.set_xlim(shown.noises.min() - 0.01, shown.noises.max() + 0.01)
-    axes.grid(color="#e3e3e3", lw=0.4)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
+    style.lines(
+        axes, xlim=(shown.noises.min() - 0.01, shown.noises.max() + 0.01), ylim=(-0.03, 1.03),
+        xlabel="noise $b$ [m/$\\sqrt{\\mathrm{s}}$]", ylabel="probability of the class",
+    )  # fmt: skip
     _key(axes, shown, colors)
     return figure
 
@@ -114,5 +111,4 @@ def _key(axes: Any, shown: Shares, colors: ClassColors) -> None:
         inset.plot(*line.T, color=style.rgb(colors[name]), lw=1.1, zorder=5)
     ground.robot(inset, scene, shown.scenario.start)
     ground.frame(inset, low, high)
-    inset.set_xticks([])
-    inset.set_yticks([])
+    inset.set(xticks=[], yticks=[])

@@ -127,8 +127,7 @@ def _ticks(axes: Any, *, first_column: bool, last_row: bool) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(1.0 if span < 7 else 2.0))
     axes.tick_params(labelleft=first_column, labelbottom=last_row)
-    axes.set_xlabel("$x$ [m]" if last_row else "")
-    axes.set_ylabel("$y$ [m]" if first_column else "")
+    axes.set(xlabel="$x$ [m]" if last_row else "", ylabel="$y$ [m]" if first_column else "")
 
 
 def weights(axes: Any, frame: Frame, colors: ClassColors, height: float) -> None:

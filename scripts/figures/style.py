@@ -46,6 +46,29 @@ def panel(axes: Any, index: int, text: str) -> None:
     axes.set_title(f"({chr(ord('a') + index)}) {text}".rstrip(), loc="left", pad=3.0)
 
 
+def lines(axes: Any, **properties: Any) -> None:
+    """Set labels and limits of a panel of lines by name; a thin grid below, no frame above and at the right."""
+    axes.set(**properties)
+    axes.grid(color="#e3e3e3", lw=0.4)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def space(axes: Any, lower: Any, upper: Any, heights: tuple[float, float], *, height: float, **view: float) -> None:
+    """The axes of a panel in three dimensions: a workspace [m], and between two heights what is `height` [m] of it."""
+    axes.set(xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), zlim=heights)
+    axes.set_box_aspect((*(upper - lower), height), zoom=1.08)
+    axes.view_init(**view)
+    axes.set_xlabel("$x$ [m]", labelpad=-5)
+    axes.set_ylabel("$y$ [m]", labelpad=-5)
+    axes.zaxis.set_rotate_label(False)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
+        axis._axinfo["grid"].update(color="#dddddd", linewidth=0.4)
+        axis.line.set_linewidth(0.6)
+    axes.tick_params(pad=-2)
+
+
 def check(folder: Path, name: str, format: str) -> Path:
     """The file of a figure.
 

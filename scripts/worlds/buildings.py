@@ -6,18 +6,17 @@ from worlds.page import Page, box, drum, seen
 WALL = 0.1  # thickness [m]
 
 
-def along_x(name: str, y: float, x: tuple[float, float], doors: tuple[tuple[float, float], ...] = ()) -> list[str]:
-    """A wall at y from x to x, left open at doors (from, to)."""
-    edges = [x[0], *(edge for door in doors for edge in door), x[1]]
-    pieces = zip(edges[::2], edges[1::2], strict=True)
-    return [box(f"{name} {i}", piece, (y - WALL / 2, y + WALL / 2)) for i, piece in enumerate(pieces, 1)]
+Span = tuple[float, float]  # from and to [m]
 
 
-def along_y(name: str, x: float, y: tuple[float, float], doors: tuple[tuple[float, float], ...] = ()) -> list[str]:
-    """A wall at x from y to y, left open at doors (from, to)."""
-    edges = [y[0], *(edge for door in doors for edge in door), y[1]]
-    pieces = zip(edges[::2], edges[1::2], strict=True)
-    return [box(f"{name} {i}", (x - WALL / 2, x + WALL / 2), piece) for i, piece in enumerate(pieces, 1)]
+def wall(name: str, axis: str, at: float, ends: Span, *doors: Span) -> list[str]:
+    """A wall along x or y, at a place of the other axis, from end to end, left open at doors."""
+    edges = [ends[0], *(edge for door in doors for edge in door), ends[1]]
+    across = (at - WALL / 2, at + WALL / 2)
+    pieces = [
+        (piece, across) if axis == "x" else (across, piece) for piece in zip(edges[::2], edges[1::2], strict=True)
+    ]
+    return [box(f"{name} {i}", *piece) for i, piece in enumerate(pieces, 1)]
 
 
 def office() -> Page:
@@ -28,11 +27,11 @@ def office() -> Page:
         meshes.asset("table", meshes.round_table()),
     ]
     walls = [
-        *along_x("south wall", 2.95, (0.0, 10.0), ((2.35, 3.05), (4.75, 5.45), (7.35, 8.05))),
-        *along_x("north wall", 4.15, (0.0, 10.0), ((2.2, 2.9), (5.9, 6.5), (8.6, 9.3))),
-        *along_y("study wall", 3.4, (0.0, 2.9), ((0.55, 1.15),)),
-        *along_y("meeting wall", 6.8, (0.0, 2.9), ((0.55, 1.2),)),
-        *along_y("store wall", 5.0, (4.2, 7.0), ((5.9, 6.6),)),
+        *wall("south wall", "x", 2.95, (0.0, 10.0), (2.35, 3.05), (4.75, 5.45), (7.35, 8.05)),
+        *wall("north wall", "x", 4.15, (0.0, 10.0), (2.2, 2.9), (5.9, 6.5), (8.6, 9.3)),
+        *wall("study wall", "y", 3.4, (0.0, 2.9), (0.55, 1.15)),
+        *wall("meeting wall", "y", 6.8, (0.0, 2.9), (0.55, 1.2)),
+        *wall("store wall", "y", 5.0, (4.2, 7.0), (5.9, 6.6)),
     ]
     furniture = [
         meshes.placed("desk", "desk", 1.2, 2.15, 0.0, "wood"),

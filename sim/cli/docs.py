@@ -10,7 +10,6 @@ from sim.options import NUMERICS, options_of
 from sim.settings import DRIVES, SINGLE, Option
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-COLUMNS = "| option | meaning | default | values |\n|---|---|---|---|\n"
 HEAD = """# Command line
 
 <!-- Made by `python -m sim.cli.docs`; a test compares both. -->
@@ -19,7 +18,7 @@ HEAD = """# Command line
 ended in a collision or time-out, or a sweep with errors; 2 bad input, explained in one line; 130 an interruption.
 
 Precedence: command line, preset, scene, robot. A scene sets options marked \N{BULLET} by custom numerics, such as
-`<custom><numeric name="pirrht_noise" data="0.1"/></custom>`, where `-` becomes `_`.
+`<custom><numeric name="pirrht_noise" data="0.1"/></custom>`, where `-` becomes `_`. Items end with [default; values].
 """
 TYPES = {"float64": "number", "int64": "integer"}
 JSON_HEAD = """# JSON files
@@ -54,34 +53,38 @@ def _kind(field: Column) -> str:
 def page() -> str:
     """Return the page as Markdown: options that commands share once, then those of each command."""
     shared = [option for option in options_of("run") if set(SINGLE) <= set(option.commands)]
+    described = list[Option]()
     robots = f"\n```\n{robots_text()}\n```\n\n```\n{PRESETS_TEXT}\n```\n"
-    parts = [HEAD, f"\n## Options of {', '.join(DRIVES)}\n", *_tables(shared), robots]
+    parts = [HEAD, f"\n## Options of {', '.join(DRIVES)}\n", *_lists(shared), robots]
     for command, (text, _) in COMMANDS.items():
         parts.append(f"\n## pirrht {command}\n\n{text[0].upper()}{text[1:]}.\n")
-        parts += _tables([option for option in options_of(command) if option not in shared])
+        own = [option for option in options_of(command) if option not in shared]
+        again = [f"`{usage_of(option)}`" for option in own if option in described]
+        parts += _lists([option for option in own if option not in described])
+        parts += [f"\nAs above: {', '.join(again)}.\n"] if again else []
+        described += own
     return "".join(parts)
 
 
-def _tables(options: list[Option]) -> list[str]:
-    """Return a table for each group of options."""
-    tables = []
+def _lists(options: list[Option]) -> list[str]:
+    """Return a list for each group of options."""
+    lists = []
     for group in dict.fromkeys(option.group for option in options):
         title = f"**{group[0].upper()}{group[1:]}**\n\n" if group else ""
-        tables.append(f"\n{title}{COLUMNS}" + "".join(_row(o) for o in options if o.group == group))
-    return tables
+        lists.append(f"\n{title}" + "".join(_item(o) for o in options if o.group == group))
+    return lists
 
 
-def _row(option: Option) -> str:
+def _item(option: Option) -> str:
     typed = (f"-{option.short}, " if option.short else "") + usage_of(option)
-    values = ", ".join(f"`{choice}`" for choice in option.choices) or ("required" if option.required else "")
+    unnamed = not all(str(choice) in option.text for choice in option.choices)
+    values = ", ".join(f"`{choice}`" for choice in option.choices if unnamed) or "required" * option.required
     if option.bounds is not None:
         low, high = (f"{bound:g}" if isinstance(bound, float) else bound for bound in option.bounds)
         values = f"{low} to {high}" + (", or `inf`" if option.infinite else "")
     mark = " \N{BULLET}" if option.name in NUMERICS else ""
-    cells = [f"`{typed}`{mark}", option.text.replace("|", "\\|"), default_of(option), values]
-    while not cells[-1]:  # Markdown fills a row up
-        cells.pop()
-    return f"| {' | '.join(cells)} |\n"
+    known = "; ".join(part for part in (default_of(option), values) if part)
+    return f"* `{typed}`{mark}: {option.text}" + (f" [{known}]" if known else "") + "\n"
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
@@ -12,21 +11,27 @@ from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 
 
 def led(
-    integral: PathIntegral, x: Array, times: Array, *leads: ProposalControl, count: int, seed: int, time: float = 0.0
+    integral: PathIntegral,
+    x: np.ndarray,
+    times: np.ndarray,
+    *leads: ProposalControl,
+    count: int,
+    seed: int,
+    time: float = 0.0,
 ) -> Rollouts:
     """`count` samples around each of some proposals."""
     proposals = tuple(Proposal(lead=lead, count=count) for lead in leads)
     return integral.rollout(Batch(state=x, times=times, proposals=proposals, time=time), seed)
 
 
-def still(times: Array, m: int = 2) -> Tape:
+def still(times: np.ndarray, m: int = 2) -> Tape:
     """Control sequence of nothing."""
     return Tape(times, np.zeros((len(times) - 1, m)))
 
 
 def batch_of(
-    integral: PathIntegral, x: Array, times: Array, tapes: Array, *, counts: Sequence[int] | None = None,
-    corners: Sequence[Array] | None = None, guides: Sequence[DDPGuide | None] | None = None,
+    integral: PathIntegral, x: np.ndarray, times: np.ndarray, tapes: np.ndarray, *, counts: Sequence[int] | None = None,
+    corners: Sequence[np.ndarray] | None = None, guides: Sequence[DDPGuide | None] | None = None,
     classes: Mapping[int, str] | None = None,
 ) -> Batch:  # fmt: skip
     """Samples from x (n,) around guides if there are any, else on ways over corners (k, 2), else along tapes (T, m)."""

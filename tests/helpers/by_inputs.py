@@ -8,7 +8,6 @@ from discs import disc, scene_of
 from scooter import Scooter
 
 from pirrht import Problem, Scene
-from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
 from pirrht.systems.double_integrator import coasting, into_goal
 from pirrht.systems.dynamics import Dynamics, no_drift
@@ -26,7 +25,7 @@ class Driven(Scooter):
     drift = staticmethod(no_drift)  # known to be none
 
     @cached_property
-    def input_noise(self) -> Array:  # type: ignore[override]
+    def input_noise(self) -> np.ndarray:  # type: ignore[override]
         return np.diag(self.s)
 
 
@@ -49,7 +48,7 @@ class PushedMass(Dynamics):
 
     homing = staticmethod(homing_of_mass)
 
-    def twist(self, x: Array, rate: Array) -> Array:
+    def twist(self, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
         return rate
 
 

@@ -14,7 +14,6 @@ from discs import scene_of
 from scipy.special import k0, k1
 
 from pirrht import Estimate, FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, StraightLine, path_integral
-from pirrht.arrays import Array
 
 SEEDS = 24
 SPEED = 1.0  # of straight references, optimal for q = 1 and R = 2 I [m/s]
@@ -59,7 +58,7 @@ def disc_entry(problem: Problem, b: float, radius: float, r: float) -> tuple[flo
     return -temperature * np.log(k0(k * r) / k0(k * radius)), temperature / 2.0 * k * k1(k * r) / k0(k * r)
 
 
-def straight(x: Array, ends: Sequence[Array], times: Array) -> tuple[Array, list[Array]]:
+def straight(x: np.ndarray, ends: Sequence[np.ndarray], times: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     """Tapes that lead straight to some points and are zero from there on; and corners far beyond them."""
     steering = StraightLine(pace=SPEED)
     tapes = [steering.trajectory(steering.connect(x, end)).tape(times) for end in ends]
@@ -78,7 +77,7 @@ def at_strip(integral: PathIntegral, x: float, sides: Sequence[int], seed: int, 
     return integral.estimate(integral.rollout(batch, seed))
 
 
-def within(samples: Array, exact: Array | float, *, errors: float = 3.0) -> bool:
+def within(samples: np.ndarray, exact: np.ndarray | float, *, errors: float = 3.0) -> bool:
     """Whether the mean over the first axis is `exact` up to so many standard errors."""
     samples = np.asarray(samples)
     error = samples.std(axis=0, ddof=1) / np.sqrt(len(samples))

@@ -5,11 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, Scene
-from pirrht.arrays import Array
+from pirrht import Controller, Dynamics, FreeSpace, HomologyTree, Problem, Sampling, Scene
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.straight_line import Tracked
-from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.rover import Rover
 
 BOX = (1.0, -1.0, 2.0, 0.0)  # two of its corners lie on the way
@@ -18,7 +16,7 @@ GOAL = (3.0, -0.35, 0.3)
 
 
 def controller(
-    dynamics: Dynamics | None = None, *boxes: Sequence[float], R: Array | None = None, **sampling: float
+    dynamics: Dynamics | None = None, *boxes: Sequence[float], R: np.ndarray | None = None, **sampling: float
 ) -> Controller:
     """A controller at the start, of a rover of little noise unless another system is given."""
     scene = Scene.from_boxes(
@@ -33,7 +31,7 @@ def controller(
     return made
 
 
-def cheapest(made: Controller, x: Array) -> DDPGuide:
+def cheapest(made: Controller, x: np.ndarray) -> DDPGuide:
     """The guide of the cheapest class from a state."""
     made.begin(x)
     made.plan(x)

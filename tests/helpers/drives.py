@@ -69,15 +69,20 @@ def timed(frames: Iterable[Frame]) -> Iterator[Frame]:
             yield frame
 
 
+def logged(recorder: Recorder, frames: Iterable[Frame]) -> list[Frame]:
+    """Frames, each of which is recorded when it is there."""
+    with recorder:
+        found = []
+        for frame in timed(frames):
+            recorder.log(frame)
+            found.append(frame)
+    return found
+
+
 def record(file: Path) -> tuple[list[Frame], list[str]]:
     drive = Drive()
-    frames, news = [], []
-    with drive.recorder(file) as recorder:
-        for frame in timed(drive.frames()):
-            recorder.log(frame)
-            frames.append(frame)
-            news += [frame.news] if frame.news else []
-    return frames, news
+    frames = logged(drive.recorder(file), drive.frames())
+    return frames, [frame.news for frame in frames if frame.news]
 
 
 def columns(file: Path) -> dict[str, dict[str, list]]:

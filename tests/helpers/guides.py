@@ -6,7 +6,6 @@ import numpy as np
 from batches import led
 
 from pirrht import PathIntegral, Trajectory
-from pirrht.arrays import Array
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import ProposalControl
@@ -15,15 +14,17 @@ Found = tuple[float, float, float]  # log psi, its standard error and the share 
 
 
 def best(
-    guidance: DDPGuidance, x: Array, times: Array, key: int, trajectory: Trajectory, last: DDPGuide | None = None,
-    elapsed: float = 0.0, time: float = 0.0,
+    guidance: DDPGuidance, x: np.ndarray, times: np.ndarray, key: int, trajectory: Trajectory,
+    last: DDPGuide | None = None, elapsed: float = 0.0, time: float = 0.0,
 ) -> DDPGuide | None:  # fmt: skip
     """The best local optimum from x (n,), started from a guide made `elapsed` [s] ago if there is one."""
     found = guidance.optima(guidance.query(x, times, key, time), trajectory, [] if last is None else [last], elapsed)
     return found[0] if found else None
 
 
-def valid(integral: PathIntegral, x: Array, times: Array, winding: tuple[int, ...], trajectory: Trajectory) -> DDPGuide:
+def valid(
+    integral: PathIntegral, x: np.ndarray, times: np.ndarray, winding: tuple[int, ...], trajectory: Trajectory
+) -> DDPGuide:
     """The best guide of a class, which must be valid."""
     assert isinstance(integral.guidance, DDPGuidance)
     guide = best(integral.guidance, x, times, integral.space.homology.key(winding), trajectory)
@@ -33,7 +34,7 @@ def valid(integral: PathIntegral, x: Array, times: Array, winding: tuple[int, ..
 
 
 def psi_around(
-    integral: PathIntegral, x: Array, times: Array, leads: Sequence[ProposalControl], count: int, seed: int
+    integral: PathIntegral, x: np.ndarray, times: np.ndarray, leads: Sequence[ProposalControl], count: int, seed: int
 ) -> Found:
     """What `count` samples around each of some proposals say together."""
     log_weight = led(integral, x, times, *leads, count=count, seed=seed).log_weight

@@ -7,7 +7,6 @@ import numpy as np
 from discs import Row, block, disc, scene_of
 from scipy.spatial import ConvexHull
 
-from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Footprint, Kind, Obstacle, Scene, Workspace
@@ -27,7 +26,7 @@ def as_mesh(box: Obstacle) -> Obstacle:
     return replace(box, kind=Kind.MESH, vertices=corners, faces=faces)
 
 
-def clearance_among(movers: Iterable[Mover], footprint: Footprint, place: Array, time: float) -> float:
+def clearance_among(movers: Iterable[Mover], footprint: Footprint, place: np.ndarray, time: float) -> float:
     """FCL's clearance [m] at a place (2,) from bodies as they stand at a time [s], without any border."""
     solids = tuple(one for mover in movers for one in mover.at(time))
     everywhere = Workspace(np.full(2, -np.inf), np.full(2, np.inf), solids)

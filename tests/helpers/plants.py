@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 from pirrht import Dynamics, Problem
-from pirrht.arrays import Array
 from sim.drive.executor import Advance, Executor, Plant
 from sim.mjcf import Loaded
 
@@ -54,7 +53,7 @@ def both(loaded: Loaded, problem: Problem, period: float) -> tuple[Executor, Pla
     return Executor(loaded, problem, period=period), Plant(problem, period=period, physics_step=step)
 
 
-def ahead(x: Array) -> Array:
+def ahead(x: np.ndarray) -> np.ndarray:
     """Through the slit at unit speed, with a pull to its middle."""
     return np.array([1.0, 4.0 * (2.5 - x[1])])
 
@@ -69,5 +68,5 @@ def driven(plant: Plant, control, seed: int, periods: int) -> list[Advance]:
     return [plant.advance(control, rng) for _ in range(periods)]
 
 
-def states_of(advances: list[Advance]) -> Array:
+def states_of(advances: list[Advance]) -> np.ndarray:
     return np.concatenate([advance.states for advance in advances])

@@ -8,12 +8,11 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from pirrht import FreeSpace, Kind, Obstacle
-from pirrht.arrays import Array
 
 RADIUS = 0.12
 
 
-def solid(kind: Kind, name: str, spot: Array, rng: np.random.Generator) -> Obstacle:
+def solid(kind: Kind, name: str, spot: np.ndarray, rng: np.random.Generator) -> Obstacle:
     size = np.exp(rng.uniform(np.log(0.08), np.log(0.6), 3))
     vertices = faces = None
     if kind is Kind.MESH:

@@ -4,9 +4,18 @@ from typing import Any
 
 import numpy as np
 
-from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, Scene, SingleIntegrator, StraightLine
+from pirrht import (
+    Controller,
+    FreeSpace,
+    HomologyTree,
+    Problem,
+    Sampling,
+    Scene,
+    SingleIntegrator,
+    Steering,
+    StraightLine,
+)
 from pirrht.steering.in_time import InTime
-from pirrht.steering.steering import Steering
 
 
 def grown(

@@ -4,7 +4,6 @@ import importlib.util
 import itertools
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from repository import environment
@@ -23,7 +22,7 @@ with open(os.path.join({folder!r}, "executed"), "a") as stream:
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def project(tmp_path, monkeypatch: pytest.MonkeyPatch):
     """A user's folder, which is the current one, with modules that note down when they are executed."""
     folder, files = tmp_path / "project", ("__init__", "__main__", "cli", "guard", "spawn")
     for name in (*MODULES, *map("/".join, itertools.product(PACKAGES, files))):
@@ -36,13 +35,13 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def executed(project: Path) -> list[str]:
+def executed(project) -> list[str]:
     """Names of modules of the project that were executed."""
     mark = project.parent / "executed"
     return mark.read_text().splitlines() if mark.exists() else []
 
 
-def test_processes_of_a_sweep_import_nothing_from_there_and_neither_does_python_m(project: Path):
+def test_processes_of_a_sweep_import_nothing_from_there_and_neither_does_python_m(project):
     script = project.parent / "command.py"  # as installed: a script in a folder of its own
     script.write_text("import sys\nfrom sim.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n")
     sweep = ["sweep", "slit", "--methods", "passive", "--seeds", "0:2", "--max-time", "0.1", "--jobs", "2"]
@@ -54,7 +53,7 @@ def test_processes_of_a_sweep_import_nothing_from_there_and_neither_does_python_
             (project / "sim").rename(project / "other")  # Python itself looks there for what `-m` names
 
 
-def test_viewer_server_and_repair_import_nothing_from_there(project: Path, monkeypatch: pytest.MonkeyPatch):
+def test_viewer_server_and_repair_import_nothing_from_there(project, monkeypatch: pytest.MonkeyPatch):
     started: list[list[str]] = []
     monkeypatch.setattr(viewer, "_await", lambda *_: None)
     monkeypatch.setattr(viewer, "check_display", lambda: None)
@@ -64,7 +63,6 @@ def test_viewer_server_and_repair_import_nothing_from_there(project: Path, monke
         viewer.Server()
     for command in started:
         ran = subprocess.Popen([*command, "--version"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        assert ran.stdout is not None
         assert b"rerun" in ran.stdout.read()
         ran.communicate()
     assert len(started) == 2
@@ -75,7 +73,7 @@ def test_viewer_server_and_repair_import_nothing_from_there(project: Path, monke
     assert executed(project) == []
 
 
-def test_a_system_of_the_folder_hides_nothing_that_is_imported_later(project: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_system_of_the_folder_hides_nothing_that_is_imported_later(project, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setattr(systems, "_folders", set())
     (project / "tempfile_boat.py").write_text(

@@ -4,7 +4,6 @@ import argparse
 import json
 import re
 import sys
-from pathlib import Path
 
 import benchmark
 import numpy as np
@@ -69,7 +68,7 @@ def test_coverage_counts_plans_whose_truth_lies_within_what_they_claim():
     assert len(calibration_table.text_of(row)) == len(calibration_table.HEADER)
 
 
-def test_the_table_has_coverage_by_room_and_a_picture(tmp_path: Path):
+def test_the_table_has_coverage_by_room_and_a_picture(tmp_path):
     png = tmp_path / "coverage.png"
     options = argparse.Namespace(
         part=None, scene=None, scenes=2, states=2, plans=3, first_seed=3, noises=[0.3], at=None, workers=1,

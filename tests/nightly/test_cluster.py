@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
@@ -25,7 +24,7 @@ pytestmark = pytest.mark.cluster
 
 
 @pytest.fixture
-def local(tmp_path) -> Iterator[SimpleNamespace]:
+def local(tmp_path):
     """A scheduler and two workers as processes of their own, of which each can be killed."""
     folder, processes = tmp_path / "dask", list[subprocess.Popen[bytes]]()
     folder.mkdir()

@@ -8,10 +8,10 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tasks import wait_for
 from thoroughly import first
 
 from sim.recording import export, viewer
@@ -35,7 +35,7 @@ def drive(*options: str, **popen) -> subprocess.Popen:
     )
 
 
-def family(pid: int) -> Iterator[int]:
+def family(pid: int):
     """A process and its descendants."""
     yield pid
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
@@ -60,14 +60,6 @@ def listening(pid: int) -> set[tuple[str, int]]:
     return addresses
 
 
-def wait_for(condition, seconds: float = 60.0):
-    deadline = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
-    return found
-
-
 def gone(port: int) -> bool:
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) != 0
@@ -85,8 +77,7 @@ def test_what_is_served_listens_on_the_loopback_interface_alone_and_ends_with_th
     address = served(process)
     ports = {int(address[1]), int(address[2])}
     assert listening(process.pid) == {("0100007F", port) for port in ports}
-    page = urllib.request.urlopen(f"http://127.0.0.1:{address[1]}/", timeout=10).read()
-    assert b"<html" in page
+    assert b"<html" in urllib.request.urlopen(f"http://127.0.0.1:{address[1]}/", timeout=10).read()
     said = process.communicate(timeout=60)[0]
     assert process.returncode in (0, 1), said
     assert "0 of" in said
@@ -157,5 +148,4 @@ def test_usage_statistics_of_everything_started_are_off(monkeypatch):
     for command, environment in started:
         assert environment["CI"] == "1"
         assert "FORCE_RERUN_ANALYTICS" not in environment
-        bind = command.index("--bind")
-        assert command[bind + 1] == "127.0.0.1"
+        assert command[command.index("--bind") + 1] == "127.0.0.1"

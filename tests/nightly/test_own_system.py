@@ -64,15 +64,6 @@ def test_what_fails_in_a_boats_own_code_is_told_in_one_line(folder, line, wrong,
     assert words in call(folder, "-m", "sim.cli", "plan", "slit", *boat, *SMALL, status=2)
 
 
-@pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.py")), ids=lambda file: file.stem)
-def test_an_example_takes_fewer_than_forty_lines_and_says_how_it_is_run(file):
-    text = file.read_text()
-    assert len(text.splitlines()) < 40
-    command = re.search(r"pirrht run .*", text)
-    assert command is not None
-    assert f"\n{command.group()}\n" in PAGE
-
-
 @pytest.mark.parametrize("words", ALL)
 def test_a_system_is_planned_for_in_three_classes_drives_and_is_recorded(folder, words):
     found = reported(folder, "plan", "slit", *words, "--vertices", "300")

@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 import zipfile
-from pathlib import Path
 
 import pytest
 from repository import ROOT
@@ -12,14 +11,14 @@ from repository import ROOT
 import pirrht
 
 
-def call(*words: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+def call(*words, cwd, **environment: str) -> subprocess.CompletedProcess[str]:
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     known = inherited | {"PIP_DISABLE_PIP_VERSION_CHECK": "1"} | environment
     return subprocess.run([sys.executable, *map(str, words)], cwd=cwd, env=known, capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory: pytest.TempPathFactory):
     folder = tmp_path_factory.mktemp("wheel")
     pytest.importorskip("hatchling", reason="the wheel is built without a network")
     words = "-m pip wheel -q --no-deps --no-build-isolation --no-index -w"

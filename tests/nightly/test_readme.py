@@ -4,7 +4,6 @@ import json
 import re
 import shlex
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +29,7 @@ WALLS = [((-5, 2, 0), (5, 2.2, 1)), ((-5, -2.2, 0), (5, -2, 1)), ((1, -1, 0), (1
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory):
     """A folder with all that pages tell their reader to save, and a map and a world to import."""
     place = tmp_path_factory.mktemp("reader")
     for file in (ROOT / "scripts" / "examples" / "systems").iterdir():

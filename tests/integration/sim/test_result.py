@@ -3,16 +3,14 @@
 import gc
 import json
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from doors import door
 from numba.core import event
 
-from pirrht.control.plan import Plan
+from pirrht import Outcome, Plan
 from pirrht.estimation.factory import ProposalFactory
-from pirrht.outcome import Outcome
 from sim import rehearsal, tree_file
 from sim.cli import main, plan_command
 from sim.cli.parser import parser
@@ -132,7 +130,7 @@ def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, 
     wall, notice, real = SimpleNamespace(now=0.0), plan_command.notice(), plan_command.planned
     happening = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="numba.np"))})
 
-    def planned(scenario: Scenario) -> Any:
+    def planned(scenario: Scenario):
         notice.on_start(happening)
         wall.now += 90.0
         notice.on_end(happening)
@@ -213,12 +211,11 @@ def test_another_process_compiles_what_a_plan_samples_before_what_it_rests_on(na
     made: list[str] = []
     climbing = ProposalFactory.climbing
 
-    def ascent(self: ProposalFactory, *given: Any, **more: Any) -> Any:
+    def ascent(self: ProposalFactory, *given, **more):
         made.append("ascent")
         return climbing(self, *given, **more)
 
     monkeypatch.setattr(ProposalFactory, "climbing", ascent)
     monkeypatch.setattr(rehearsal, "rehearse", lambda *_, **__: made.append("tree"))
     rehearsal.compile_last(name, {})
-    assert made[0] == "ascent"
-    assert made[-1] == "tree"
+    assert (made[0], made[-1]) == ("ascent", "tree")

@@ -1,7 +1,6 @@
 """A crate that stands in MuJoCo all along, and of which the controller learns under way."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from thoroughly import first
 from pirrht import Controller, FreeSpace, HomologyTree, Outcome, Problem, Sampling, SingleIntegrator, StraightLine
 from sim.drive.episode import run
 from sim.drive.executor import Executor
-from sim.drive.metrics import Frame
 from sim.mjcf import load
 
 PERIOD = 0.04
@@ -23,7 +21,7 @@ SCENE = """<mujoco model="room"><worldbody>
 </worldbody></mujoco>"""
 
 
-def driven(file: Path, seed: int, *, informed: bool) -> list[Frame]:
+def driven(file, seed: int, *, informed: bool):
     """A run of which the controller learns of the crate after 0.6 s, or never."""
     file.write_text(SCENE)
     loaded = load(file)
@@ -44,7 +42,7 @@ def driven(file: Path, seed: int, *, informed: bool) -> list[Frame]:
 
 
 @pytest.mark.parametrize("seed", first(range(4)))
-def test_a_crate_is_passed_once_the_controller_is_informed_of_it(seed: int, tmp_path: Path):
+def test_a_crate_is_passed_once_the_controller_is_informed_of_it(seed: int, tmp_path):
     frames = driven(tmp_path / "room.xml", seed, informed=True)
     assert frames[-1].outcome is Outcome.GOAL
     assert {len(frame.driven_class) for frame in frames} == {2, 3}

@@ -13,9 +13,7 @@ import pytest
 from scipy.spatial import KDTree
 
 import pirrht
-from pirrht.control.plan import Plan
-from pirrht.errors import OptionError
-from pirrht.geometry.scene import Kind, Obstacle
+from pirrht import Kind, Obstacle, OptionError
 from pirrht.plotting.strokes import outline, side_by_side
 from pirrht.traits import Traits
 from sim.scenario import Scenario, prepare
@@ -26,7 +24,7 @@ STROKE = 0.04  # width of the path of a class on a map of the house [m]
 
 
 @pytest.fixture(scope="module")
-def plan(slit: Scenario, slit_tree) -> Plan:
+def plan(slit: Scenario, slit_tree):
     return slit.driver(slit_tree).plan(slit.start)
 
 
@@ -57,8 +55,7 @@ def test_a_plans_picture_has_a_line_per_class_and_only_paths_that_are_samples(pl
     paths = [path.vertices for group in axes.collections for path in group.get_paths()]
     assert 10 <= len(paths) <= 20
     assert all(np.allclose(path[0], plan.state) for path in paths)
-    shown = plan.plot(samples=0, axes=matplotlib.figure.Figure().subplots())
-    assert not shown.collections
+    assert not plan.plot(samples=0, axes=matplotlib.figure.Figure().subplots()).collections
 
 
 def test_a_trees_picture_has_an_edge_per_vertex_but_the_root(slit, slit_tree):

@@ -1,28 +1,36 @@
 """Systems and scenes that the method cannot serve are refused by name; noise through inputs."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from by_inputs import Driven, PushedMass, around_a_disc, driven
 from discs import scene_of
 
-from pirrht import Controller, Desirability, Dubins, Dynamics, FreeSpace, HomologyTree, Problem, Sampling, Unicycle
-from pirrht.arrays import Array
+from pirrht import (
+    Controller,
+    Desirability,
+    Dubins,
+    Dynamics,
+    FreeSpace,
+    HomologyTree,
+    NotLinearlySolvable,
+    OptionError,
+    Problem,
+    Sampling,
+    SingleIntegrator,
+    StraightLine,
+    Unicycle,
+)
 from pirrht.control.cost_to_go import cost_to_go, straight_lines
-from pirrht.errors import NotLinearlySolvable, OptionError
-from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import no_drift
-from pirrht.systems.single_integrator import SingleIntegrator
 
 SCENE = scene_of(start=(1.0, 2.0, 0.3), goal=(3.0, 0.0, 0.2), lower=(0.0, -1.0), side=(4.0, 3.0))
 
 
-def made(name: str, body: dict[str, Any]) -> Dynamics:
+def made(name: str, body) -> Dynamics:
     """A system of a class of some name, without drift and parameters unless there are some."""
 
-    def twist(self: Dynamics, x: Array, rate: Array) -> Array:
+    def twist(self: Dynamics, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
         return rate
 
     usual = {"parameters": np.zeros(0), "drift": staticmethod(no_drift), "twist": twist}
@@ -30,14 +38,14 @@ def made(name: str, body: dict[str, Any]) -> Dynamics:
     return system
 
 
-def boat(**changes: Any) -> Dynamics:
+def boat(**changes) -> Dynamics:
     """A double integrator, whose class is called Boat, but for what is changed."""
     m = changes.get("m", 2)
     blocks = {"control_block": np.eye(m), "diffusion_block": 0.1 * np.eye(m)}
     return made("Boat", {"n": 4, "m": m, "states": ("x", "y", "vx", "vy")} | blocks | changes)
 
 
-def posed(dynamics: Dynamics, R: Any = None) -> Problem:
+def posed(dynamics: Dynamics, R=None) -> Problem:
     return Problem(dynamics=dynamics, scene=SCENE, R=np.eye(dynamics.m) if R is None else R)
 
 
@@ -78,7 +86,7 @@ def test_a_steering_of_other_states_than_the_systems_is_refused_by_both_names() 
 
 def test_a_steering_whose_roots_are_no_states_is_refused_by_name() -> None:
     class Skewed(Dubins):
-        def roots(self, goal: Array) -> Array:
+        def roots(self, goal: np.ndarray) -> np.ndarray:
             return goal[None, :]
 
     with pytest.raises(OptionError, match=r"^Skewed: n is 3 and its roots are \(1, 2\); .* roots \(k, n\)$"):
@@ -92,13 +100,13 @@ def test_a_control_cost_of_another_shape_is_refused() -> None:
 
 
 @pytest.mark.parametrize("q", [np.inf, np.nan, "1", np.ones(2)])
-def test_a_cost_rate_that_is_no_finite_number_is_refused(q: Any) -> None:
+def test_a_cost_rate_that_is_no_finite_number_is_refused(q) -> None:
     with pytest.raises(OptionError, match=r"^q is .*; it must be a finite number, or a function q\(x, p\)"):
         Problem(dynamics=SingleIntegrator(), scene=SCENE, R=np.eye(2), q=q)
 
 
 @pytest.mark.parametrize("R", [np.zeros((2, 2)), -np.eye(2), np.array([[1.0, 0.5], [0.0, 1.0]])])
-def test_a_control_cost_that_is_not_positive_definite_is_refused(R: Array) -> None:
+def test_a_control_cost_that_is_not_positive_definite_is_refused(R: np.ndarray) -> None:
     with pytest.raises(OptionError, match=r"^R is .*; it must be symmetric and positive definite$"):
         Problem(dynamics=SingleIntegrator(), scene=SCENE, R=R)
 
@@ -106,7 +114,7 @@ def test_a_control_cost_that_is_not_positive_definite_is_refused(R: Array) -> No
 def test_straight_lines_and_grids_refuse_what_they_do_not_know() -> None:
     class Adrift(SingleIntegrator):
         @staticmethod
-        def drift(x: Array, p: Array, out: Array) -> None:
+        def drift(x: np.ndarray, p: np.ndarray, out: np.ndarray) -> None:
             out[0], out[1] = 2.0, 0.0
 
     with pytest.raises(OptionError, match=r"^straight lines steer a point .*, not Boat with n = 4 and m = 2; bring a"):
@@ -149,7 +157,7 @@ X = np.array([0.3, -0.2, 0.7])
 PAPERS = {"input_matrix": None, "control_block": np.eye(2), "diffusion_block": np.eye(2)}
 
 
-def cart(**changes: Any) -> Dynamics:
+def cart(**changes) -> Dynamics:
     """A car driven by speed and turn rate, whose class is called Cart, but for what is changed."""
     form = {"input_matrix": staticmethod(Driven.input_matrix), "input_noise": np.diag([0.5, 1.0])}
     return made("Cart", {"n": 3, "m": 2, "states": ("x", "y", "heading")} | form | changes)

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from discs import scene_of
 
-from pirrht import Problem, SingleIntegrator
+from pirrht import Problem, SingleIntegrator, Unicycle
 from pirrht.geometry.disc import DISC
 from pirrht.rollouts.cpu import kernels_for, kind_of
 from pirrht.rollouts.point_block import sample
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics, IsotropicNoise, no_drift
 from pirrht.systems.rover import Rover
-from pirrht.systems.unicycle import Unicycle
 from pirrht.traits import Traits
 
 SCENE = scene_of([], start=(0.5, 3.0), goal=(5.5, 3.0))

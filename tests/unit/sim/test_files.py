@@ -38,8 +38,7 @@ def test_whatever_goes_wrong_the_old_file_stays_alone(file, error):
     with pytest.raises((OptionError, KeyboardInterrupt, SystemExit)), replaced(file, "--json") as stream:  # noqa: PT012
         stream.write(b"half")
         raise error
-    assert file.read_bytes() == b"old"
-    assert list(file.parent.iterdir()) == [file]
+    assert (file.read_bytes(), list(file.parent.iterdir())) == (b"old", [file])
 
 
 def test_a_link_stays_and_its_target_is_written(tmp_path):

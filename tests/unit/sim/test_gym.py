@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from plants import ahead
 
-from pirrht.errors import OptionError
-from pirrht.planner.tree import HomologyTree
-from pirrht.systems.unicycle import Unicycle
+from pirrht import OptionError, Unicycle
 from sim import gym
 from sim.mjcf.robot import control_limits
 from sim.scenario import Scenario, prepare
@@ -27,7 +25,7 @@ def driven(env, policy, seed=0):
     return np.array(states), np.array(rewards), (terminated, truncated), info
 
 
-def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree: HomologyTree):
+def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree):
     scenario = slit.with_settings(noise=0.3, seed=2, samples=60, threads=1, period=0.002, max_time=0.2)
     frames = list(scenario.drive(scenario.plant(), scenario.controller(slit_tree)))
     env, controller = gym.Drive("slit", noise=0.3, period=0.002, max_time=0.2), scenario.controller(slit_tree)

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from rooms import room
 
-from pirrht.arrays import Array
-from pirrht.problem import Problem
-from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht import Problem, SingleIntegrator
 from sim.drive.metrics import Length
 
 STEP, TIME = 0.002, 6.0
@@ -17,7 +15,7 @@ def point(b: float) -> Problem:
     return Problem(dynamics=SingleIntegrator(b=b), scene=SCENE, R=2.0 * np.eye(2), q=1.0)
 
 
-def measured(problem: Problem, path: Array, step: float = STEP, period: int = 5) -> Length:
+def measured(problem: Problem, path: np.ndarray, step: float = STEP, period: int = 5) -> Length:
     """A path (k, n), start included, as a run takes note of it, `period` steps at a time."""
     length = Length(path[0])
     for i in range(0, len(path) - 1, period):
@@ -26,17 +24,17 @@ def measured(problem: Problem, path: Array, step: float = STEP, period: int = 5)
     return length
 
 
-def noisy(path: Array, b: float, rng: np.random.Generator, step: float = STEP) -> Array:
+def noisy(path: np.ndarray, b: float, rng: np.random.Generator, step: float = STEP) -> np.ndarray:
     """A path (k, 2) with Brownian noise on it."""
     return path + b * np.sqrt(step) * np.vstack([np.zeros(2), rng.standard_normal((len(path) - 1, 2)).cumsum(axis=0)])
 
 
-def straight(step: float = STEP) -> Array:
+def straight(step: float = STEP) -> np.ndarray:
     along = np.arange(0.0, TIME + 0.5 * step, step)
     return np.column_stack([along, np.zeros_like(along)])
 
 
-def cornered() -> Array:
+def cornered() -> np.ndarray:
     along, third = straight()[:, 0], TIME / 3
     x = np.minimum(along, third) + np.maximum(along - 2 * third, 0.0)
     return np.column_stack([x, np.clip(along - third, 0.0, third)])
@@ -46,7 +44,7 @@ def cornered() -> Array:
     ("b", "path", "seed", "off"),
     [(b, straight(), 1, 0.03) for b in (0.03, 0.1, 0.2, 0.3)] + [(b, cornered(), 2, 0.05) for b in (0.1, 0.3)],
 )
-def test_a_path_is_as_long_as_its_mean_whatever_the_noise(b: float, path: Array, seed: int, off: float):
+def test_a_path_is_as_long_as_its_mean_whatever_the_noise(b: float, path: np.ndarray, seed: int, off: float):
     rng, problem = np.random.default_rng(seed), point(b)
     lengths = [measured(problem, noisy(path, b, rng)) for _ in range(60)]
     assert np.mean([one.total for one in lengths]) == pytest.approx(TIME, rel=off)

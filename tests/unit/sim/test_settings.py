@@ -3,7 +3,6 @@
 import inspect
 import re
 from dataclasses import fields, replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,9 +12,8 @@ from hypothesis import strategies as st
 from repository import ROOT
 
 import pirrht
-from pirrht.control.baselines import Mppi
+from pirrht import Mppi, OptionError
 from pirrht.control.settings import ControlSettings
-from pirrht.errors import OptionError
 from sim.cli import docs, main, parser
 from sim.options import DAILY, GIB, OPTIONS, check_size, options_of
 from sim.recording.viewer import Look
@@ -167,7 +165,7 @@ def test_what_identifies_a_dataset_is_what_results_depend_on():
 # -- numbers of a scene -----------------------------------------------------------------------------------------------
 
 
-def scene_with(folder: Path, **numerics: float) -> str:
+def scene_with(folder, **numerics: float) -> str:
     """The slit with other defaults."""
     text = (ROOT / "models" / "scenes" / "slit.xml").read_text()
     lines = "".join(f'<numeric name="pirrht_{name}" data="{value}"/>' for name, value in numerics.items())

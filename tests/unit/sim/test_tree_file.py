@@ -4,16 +4,12 @@ import json
 import zipfile
 from contextlib import suppress
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pirrht
-from pirrht.arrays import Array
-from pirrht.errors import NoReference, OptionError
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.straight_line import StraightLine
+from pirrht import HomologyTree, NoReference, OptionError, StraightLine
 from sim import cli, tree_file
 from sim.scenario import Scenario, prepare
 
@@ -47,7 +43,7 @@ def repacked(arrays: dict[str, np.ndarray], **changes) -> BytesIO:
     return stream
 
 
-def assert_equal(one: HomologyTree, other: HomologyTree, x: Array) -> None:
+def assert_equal(one: HomologyTree, other: HomologyTree, x: np.ndarray) -> None:
     """Of a tree and its copy all bytes, and what they answer at a state."""
     assert packed(one) == packed(other)
     assert len(one.references(x)) > 1
@@ -109,7 +105,7 @@ def test_a_tree_with_another_source_of_randomness_is_not_saved(slit: Scenario):
 # -- command line ------------------------------------------------------------------------------------------------
 
 
-def test_a_run_with_a_saved_tree_is_the_run_that_grows_it(tmp_path: Path, capsys):
+def test_a_run_with_a_saved_tree_is_the_run_that_grows_it(tmp_path, capsys):
     tree, one, other = tmp_path / "tree.npz", tmp_path / "1.json", tmp_path / "2.json"
     common = ["--seed", "3", "--samples", "20"]
     assert cli.main(["plan", "slit", *common, "--vertices", "150", "-o", str(tree)]) == 0
@@ -141,14 +137,11 @@ def test_a_run_with_a_saved_tree_is_the_run_that_grows_it(tmp_path: Path, capsys
         ("saved", "--goal 5 2.5 0.2", "there and [5.0, 2.5, 0.2] here"),
     ],
 )
-def test_a_tree_that_does_not_fit_ends_with_one_line(saved, tmp_path: Path, capsys, content, arguments, what: str):
+def test_a_tree_that_does_not_fit_ends_with_one_line(saved, tmp_path, refused, content, arguments, what: str):
     file = tmp_path / "tree.npz"
     if content is not None:
         file.write_bytes(saved if content == "saved" else content)
-    assert cli.main(["run", "slit", "--tree", str(file), *arguments.split()]) == 2
-    error = capsys.readouterr().err.strip()
-    assert what in error
-    assert len(error.splitlines()) == 1
+    refused(["run", "slit", "--tree", str(file), *arguments.split()], what)
 
 
 # -- damage ------------------------------------------------------------------------------------------------------

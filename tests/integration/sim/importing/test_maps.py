@@ -2,7 +2,6 @@
 
 import os
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from pirrht.geometry.scene import Kind  # noqa: E402
 from sim import cli  # noqa: E402
 from sim.importing.ros_map import read_map  # noqa: E402
 from sim.importing.scene_file import import_world  # noqa: E402
-from sim.importing.solids import World  # noqa: E402
 from sim.mjcf import load  # noqa: E402
 
 BLACK, GREY, WHITE = 0, 205, 254
@@ -25,7 +23,7 @@ BASE = {"resolution": 0.1, "origin": "[0.0, 0.0, 0.0]", "occupied_thresh": 0.65,
 BASE["image"] = "map.pgm"
 
 
-def written(folder: Path, picture: np.ndarray, name: str = "map.pgm", **keys) -> Path:
+def written(folder, picture: np.ndarray, name: str = "map.pgm", **keys):
     """A map of a picture whose first row is the top."""
     Image.fromarray(picture).save(folder / name)
     path = folder / "map.yaml"
@@ -51,7 +49,7 @@ def rooms(size: int = 80) -> np.ndarray:
     return picture
 
 
-def blocked(world: World, picture, side: float = 0.1, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> np.ndarray:
+def blocked(world, picture, side: float = 0.1, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> np.ndarray:
     """Which pixels lie in walls, (rows, columns) from the top."""
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     rows, columns = np.indices(picture.shape[:2])
@@ -61,7 +59,7 @@ def blocked(world: World, picture, side: float = 0.1, x: float = 0.0, y: float =
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.3, np.pi / 2, -2.0])
-def test_a_turned_map_turns_about_its_lower_left_corner(tmp_path: Path, yaw: float):
+def test_a_turned_map_turns_about_its_lower_left_corner(tmp_path, yaw: float):
     picture = np.where(np.random.default_rng(0).random((7, 9)) < 0.4, BLACK, WHITE).astype(np.uint8)
     world = read_map(written(tmp_path, picture, resolution=0.2, origin=f"[1.0, -3.0, {yaw}]"))
     np.testing.assert_array_equal(blocked(world, picture, 0.2, 1.0, -3.0, yaw), picture == BLACK)
@@ -87,7 +85,7 @@ MEANT = [  # pictures, keys, which cells are occupied and which free
 
 
 @pytest.mark.parametrize(("picture", "keys", "occupied", "free"), MEANT)
-def test_pixels_mean_what_they_mean_to_map_server(tmp_path: Path, picture, keys, occupied, free):
+def test_pixels_mean_what_they_mean_to_map_server(tmp_path, picture, keys, occupied, free):
     """What is neither occupied nor free is unknown: a wall unless it is said to be free."""
     path = written(tmp_path, picture, "map.png", **keys)
     assert blocked(read_map(path, "free"), picture).tolist() == [occupied]
@@ -104,7 +102,7 @@ NOTED = [
 
 
 @pytest.mark.parametrize(("keys", "note"), NOTED)
-def test_what_is_read_otherwise_than_expected_is_reported(tmp_path: Path, keys, note: str):
+def test_what_is_read_otherwise_than_expected_is_reported(tmp_path, keys, note: str):
     plain = read_map(written(tmp_path, picture := drawn("#?.", "#?.")), "free")
     assert plain.notes == ()
     world = read_map(path := written(tmp_path, picture, **keys), "free")
@@ -113,7 +111,7 @@ def test_what_is_read_otherwise_than_expected_is_reported(tmp_path: Path, keys, 
     np.testing.assert_array_equal(world.ground, plain.ground)
 
 
-def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys):
+def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path, capsys):
     """Four rooms and an unknown surrounding take few boxes."""
     path, scene = written(tmp_path, rooms()), tmp_path / "house.xml"
     task = ["--start", "2.0", "2.0", "--goal", "6.0", "6.0", "0.3"]
@@ -138,12 +136,12 @@ ASKED = [
 
 
 @pytest.mark.parametrize(("task", "what"), ASKED)
-def test_what_a_map_does_not_tell_is_asked_for(tmp_path: Path, task, what: str):
+def test_what_a_map_does_not_tell_is_asked_for(tmp_path, task, what: str):
     path = written(tmp_path, rooms(), origin="[0, 0, 0.2]")
     refused(lambda: import_world(path, tmp_path / "a.xml", **task), what)
 
 
-def test_a_start_in_a_wall_of_a_map_is_refused_by_the_option_that_an_import_has(tmp_path: Path):
+def test_a_start_in_a_wall_of_a_map_is_refused_by_the_option_that_an_import_has(tmp_path):
     path = written(tmp_path, rooms())
     with pytest.raises(SceneError, match=r"the robot touches .*; choose another --start$") as caught:
         import_world(path, tmp_path / "a.xml", start=[4.0, 0.7], goal=[6, 6, 0.3])
@@ -174,7 +172,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("keys", "what"), REFUSED)
-def test_a_map_that_cannot_be_read_is_refused_by_file_and_key(tmp_path: Path, keys, what: str):
+def test_a_map_that_cannot_be_read_is_refused_by_file_and_key(tmp_path, keys, what: str):
     path = written(tmp_path, drawn("#."), **keys)
     path.write_text(BOMB + path.read_text())
     refused(lambda: import_world(path, tmp_path / "a.xml", **BOTH), str(path), what)
@@ -182,20 +180,20 @@ def test_a_map_that_cannot_be_read_is_refused_by_file_and_key(tmp_path: Path, ke
 
 
 @pytest.mark.parametrize("text", ["", "just words", "[1, 2", "image: \xff\n\tx: 1", "image: " + 1000 * "["])
-def test_a_file_that_is_no_map_is_refused(tmp_path: Path, text: str):
+def test_a_file_that_is_no_map_is_refused(tmp_path, text: str):
     (tmp_path / "map.yaml").write_bytes(text.encode("latin-1"))
     refused(lambda: read_map(tmp_path / "map.yaml"), "map.yaml: no")
 
 
 @pytest.mark.parametrize("size", ["100000 100000", "12000 12000"])
-def test_a_picture_that_declares_more_pixels_than_memory_holds_is_refused_unread(tmp_path: Path, size: str, capfd):
+def test_a_picture_that_declares_more_pixels_than_memory_holds_is_refused_unread(tmp_path, size: str, capfd):
     path = written(tmp_path, drawn("#."), image="big.pgm")
     (tmp_path / "big.pgm").write_bytes(f"P5\n{size}\n255\n".encode())
     refused(lambda: read_map(path), "big.pgm is too large", "25000000 pixels at most")
     assert capfd.readouterr().err == ""
 
 
-def test_what_could_be_waited_for_without_end_is_not_opened(tmp_path: Path):
+def test_what_could_be_waited_for_without_end_is_not_opened(tmp_path):
     """In place of the map, of its picture, of a world."""
     for name in ("pipe", "pipe.yaml", "pipe.world"):
         os.mkfifo(tmp_path / name)

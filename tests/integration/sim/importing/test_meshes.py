@@ -1,14 +1,12 @@
 """A mesh becomes a scene of its convex parts."""
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from pirrht.errors import OptionError, SceneError
-from pirrht.freespace import FreeSpace
+from pirrht import FreeSpace, OptionError, SceneError
 from sim.importing import meshes
 from sim.importing.scene_file import import_world
 from sim.mjcf import load
@@ -18,15 +16,21 @@ WALLS = [[(0, 0, 0), (4, 0.2, 1)], [(0, 0.3, 0), (0.2, 4, 1)]]
 
 
 @pytest.fixture
-def ring(tmp_path: Path) -> Path:
+def ring(tmp_path):
     """A torus so large that planes of its own faces do not cut it into a hundred convex parts."""
     trimesh.creation.torus(100.0, 3.0, major_sections=200, minor_sections=6).export(tmp_path / "ring.obj")
     return tmp_path / "ring.obj"
 
 
+def parted(folder, *parts, **task):
+    """A mesh of boxes between corners, and of other meshes, imported as its convex parts."""
+    solids = [part if isinstance(part, trimesh.Trimesh) else trimesh.creation.box(bounds=part) for part in parts]
+    trimesh.util.concatenate(solids).export(folder / "room.obj")
+    return import_world(folder / "room.obj", folder / "scene.xml", decompose=True, **TASK | task)
+
+
 def test_each_part_is_an_obstacle_where_it_was(tmp_path):
-    trimesh.util.concatenate([trimesh.creation.box(bounds=wall) for wall in WALLS]).export(tmp_path / "angle.obj")
-    imported = import_world(tmp_path / "angle.obj", tmp_path / "scene.xml", decompose=True, **TASK)
+    imported = parted(tmp_path, *WALLS)
     scene = load(imported.path).scene
     assert (imported.geoms, imported.obstacles) == (2, 2)
     np.testing.assert_allclose([*scene.lower, *scene.upper], [0, 0, 4, 4], atol=1e-6)
@@ -38,9 +42,7 @@ def test_each_part_is_an_obstacle_where_it_was(tmp_path):
 @pytest.mark.parametrize("low", [0.0, 0.5], ids=["shares corners", "apart"])
 def test_a_floor_of_one_sheet_is_driven_over(tmp_path, low):
     floor = trimesh.Trimesh([(low, low, 0), (4, low, 0), (4, 4, 0), (low, 4, 0)], [(0, 1, 2), (0, 2, 3)])
-    walls = [trimesh.creation.box(bounds=wall) for wall in WALLS]
-    trimesh.util.concatenate([*walls, floor]).export(tmp_path / "room.obj")
-    imported = import_world(tmp_path / "room.obj", tmp_path / "scene.xml", decompose=True, **TASK)
+    imported = parted(tmp_path, *WALLS, floor)
     assert (imported.geoms, imported.obstacles) == (2, 2)
     assert "driven over and left out: part " in imported.notes[0]
     FreeSpace.of(load(imported.path).scene)
@@ -50,28 +52,21 @@ def test_a_floor_of_one_sheet_is_driven_over(tmp_path, low):
 @pytest.mark.parametrize("floors", [[(0, 4)], [(0, 2), (2, 4)]], ids=["one part", "two parts"])
 def test_a_slab_under_start_and_goal_is_named_as_a_floor(tmp_path, top, floors):
     slabs = [[(low, 0, -0.1), (high, 4, top)] for low, high in floors]
-    boxes = [trimesh.creation.box(bounds=bounds) for bounds in [*WALLS, *slabs]]
-    trimesh.util.concatenate(boxes).export(tmp_path / "room.obj")
     expected = rf"room.obj: \"part \d\" lies under start and goal and ends {top:g} m above.*lower the mesh by {top:g} m"
     with pytest.raises(SceneError, match=expected):
-        import_world(tmp_path / "room.obj", tmp_path / "scene.xml", decompose=True, **TASK)
+        parted(tmp_path, *WALLS, *slabs)
 
 
 def test_a_block_under_the_start_alone_is_no_floor(tmp_path):
-    boxes = [trimesh.creation.box(bounds=bounds) for bounds in [*WALLS, [(0.5, 0.5, 0), (1.5, 1.5, 0.05)]]]
-    trimesh.util.concatenate(boxes).export(tmp_path / "room.obj")
     with pytest.raises(SceneError, match=r"room.obj: the start \(1, 1\) is in collision"):
-        import_world(tmp_path / "room.obj", tmp_path / "scene.xml", decompose=True, **TASK)
+        parted(tmp_path, *WALLS, [(0.5, 0.5, 0), (1.5, 1.5, 0.05)])
 
 
 @pytest.mark.parametrize(("task", "what"), [({"start": (3.5, 3.5)}, "start"), ({"goal": (3.5, 3.5, 0.2)}, "goal")])
 def test_start_and_goal_are_checked_with_the_robot_that_plans(tmp_path, task, what):
     """A board that touches the top of the sphere as which the rover plans, and not the rover itself."""
-    boxes = [*WALLS, [(3, 3, 0.19), (4, 4, 0.3)]]
-    trimesh.util.concatenate([trimesh.creation.box(bounds=box) for box in boxes]).export(tmp_path / "shelf.obj")
-    known = {"start": (1.0, 1.0), "goal": (2.0, 2.0, 0.3)} | task
-    with pytest.raises(SceneError, match=rf"shelf.obj: the {what} \(3.5, 3.5\) is in collision.*rover"):
-        import_world(tmp_path / "shelf.obj", tmp_path / "scene.xml", decompose=True, **known)
+    with pytest.raises(SceneError, match=rf"room.obj: the {what} \(3.5, 3.5\) is in collision.*rover"):
+        parted(tmp_path, *WALLS, [(3, 3, 0.19), (4, 4, 0.3)], **{"goal": (2.0, 2.0, 0.3)} | task)
     assert not (tmp_path / "scene.xml").exists()
 
 

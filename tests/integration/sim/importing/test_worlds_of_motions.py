@@ -1,7 +1,6 @@
 """Motions of DynaBARN become scenes: rows stay within 5 mm of Gazebo's way, and what cannot be one is named."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,7 +74,7 @@ def test_no_row_is_there_for_nothing():
 
 
 @pytest.fixture
-def run(tmp_path: Path):
+def run(tmp_path):
     def run(worlds: object = DYNABARN, number: str | None = "7", name: str = "worlds.json", **task) -> Imported:
         source = tmp_path / name
         text = worlds if isinstance(worlds, str | bytes) else json.dumps(worlds)

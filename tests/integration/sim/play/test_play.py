@@ -13,9 +13,7 @@ import pytest
 from repository import ROOT
 from thoroughly import thorough
 
-from pirrht.errors import OptionError
-from pirrht.outcome import Outcome
-from pirrht.planner.tree import HomologyTree
+from pirrht import HomologyTree, OptionError, Outcome
 from sim.cli import main
 from sim.play import drive, events
 from sim.play.drive import LATENCY, Play, first

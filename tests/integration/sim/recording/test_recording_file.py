@@ -6,7 +6,6 @@ import sys
 import pytest
 
 from pirrht.errors import OptionError
-from sim.cli import main
 from sim.recording.viewer import Sinks
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
@@ -38,7 +37,7 @@ def planned(monkeypatch):
     ],
 )
 def test_what_cannot_be_recorded_or_shown_is_refused_before_the_plan(
-    monkeypatch, capsys, tmp_path, planned, typed, reason
+    monkeypatch, refused, tmp_path, planned, typed, reason
 ):
     monkeypatch.chdir(tmp_path)
     if "pipe" in typed:
@@ -46,11 +45,7 @@ def test_what_cannot_be_recorded_or_shown_is_refused_before_the_plan(
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert main([*SHORT, *typed]) == 2
-    said = capsys.readouterr()
-    assert not said.out
-    assert said.err.count("\n") == 1
-    assert reason in said.err
+    refused([*SHORT, *typed], reason)
     assert not planned
 
 

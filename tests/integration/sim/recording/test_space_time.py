@@ -4,15 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drives import Moving, columns, timed
+from drives import Moving, columns, logged
 from plants import body, moving_scene, rows
 
-from pirrht.arrays import Array
 from pirrht.plotting.colors import ClassColors
 from pirrht.plotting.strokes import outline
 from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.strokes import timed as in_time
-from sim.drive.episode import Frame
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import reasons, words_of
 from sim.recording.subject import Subject
@@ -27,15 +25,11 @@ RISE = 1.0  # m/s: the best speed sqrt(2 q / r) of q = 1, r = 2
 def recorded(tmp_path_factory):
     file = tmp_path_factory.mktemp("space_time") / "drive.rrd"
     drive = Moving("closing_door", vertices=100, samples=60)
-    with drive.recorder(file) as recorder:
-        frames = []
-        for frame in timed(drive.frames(MAX_TIME)):
-            recorder.log(frame)
-            frames.append(frame)
+    frames = logged(drive.recorder(file), drive.frames(MAX_TIME))
     return columns(file), drive, frames
 
 
-def pictures(known: dict[str, list], frames: list) -> list[tuple[Frame, list[Array]]]:
+def pictures(known: dict[str, list], frames: list):
     """The strips of an entity, with the frame of each picture."""
     cells = zip(known["step"], known["LineStrips3D:strips"], strict=True)
     return [(frames[step], [np.array(strip, dtype=float) for strip in strips]) for step, strips in cells]
@@ -77,19 +71,6 @@ def test_braids_are_the_references_of_all_classes_with_their_times_upward(record
             assert np.all(np.diff(line[:, 2]) >= 0.0)
 
 
-def test_the_tube_of_a_body_is_where_it_is_at_every_time(recorded):
-    table, drive, _ = recorded
-    (mover,) = drive.scene.movers
-    corners = np.vstack([np.array(cell) for cell in table["/spacetime/bodies/door"]["Mesh3D:vertex_positions"]])
-    heights = np.unique(corners[:, 2])
-    assert heights[0] == 0.0
-    assert heights[-1] >= RISE * 4.0
-    for z in heights:
-        (solid,) = mover.at(z / RISE)
-        ring = corners[corners[:, 2] == z][:, :2]
-        assert np.linalg.norm(ring[:, None] - outline(solid), axis=2).min(axis=1).max() < 2 * ROUNDING
-
-
 def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
     table, _, frames = recorded
     known = table["/spacetime/path"]
@@ -121,11 +102,8 @@ def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_pat
 def test_a_moving_body_has_its_pose_at_every_step_and_at_the_end(tmp_path):
     world = body("spin", 'type="box" size=".3 .1 .2"', "2 2 0.1")
     custom = rows("spin", "0 2 2 0  0.15 2.5 2 2  0.3 2 2 0", repeat=True)
-    drive, file, frames = Moving(moving_scene(tmp_path, world, custom)), tmp_path / "drive.rrd", []
-    with drive.recorder(file) as recorder:
-        for frame in timed(drive.frames(0.4)):
-            recorder.log(frame)
-            frames.append(frame)
+    drive, file = Moving(moving_scene(tmp_path, world, custom)), tmp_path / "drive.rrd"
+    frames = logged(drive.recorder(file), drive.frames(0.4))
     times = [frame.time for frame in frames] + [frames[-1].end_time]
     table = columns(file)["/world/scene/movers/spin"]
     known = {name: cells[1:] for name, cells in table.items()}  # the first one places it

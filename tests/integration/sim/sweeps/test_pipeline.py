@@ -2,7 +2,6 @@
 
 import heapq
 import io
-from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,7 +32,7 @@ class Simulated:
     def __init__(self, workers: int, seconds) -> None:
         self.workers, self.seconds, self.order = workers, seconds, []
 
-    def run(self, work, agenda: Agenda, lost) -> Iterator:
+    def run(self, work, agenda: Agenda, lost):
         busy: list[tuple[float, int, Task]] = []
         now = 0.0
         while agenda or busy:

@@ -12,7 +12,6 @@ from solved import Solved, around_corner, around_post, error_of, in_channel, is_
 from thoroughly import first
 
 from pirrht import Dubins, Dynamics, Estimate, FreeSpace, Outcome, Problem, Sampling, Unicycle, path_integral
-from pirrht.arrays import Array
 from pirrht.geometry.disc import DISC
 from pirrht.rollouts.cpu import kernels_for
 
@@ -91,14 +90,14 @@ class Uneven(Dynamics):
     diffusion_block = staticmethod(wider_noise)
 
     @property
-    def parameters(self) -> Array:  # type: ignore[override]
+    def parameters(self) -> np.ndarray:  # type: ignore[override]
         return np.array([self.b, self.widening, self.base, self.rise])
 
-    def twist(self, x: Array, rate: Array) -> Array:
+    def twist(self, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
         return rate
 
 
-def two(x: Array) -> Array:
+def two(x: np.ndarray) -> np.ndarray:
     return 2.0 * np.eye(2)
 
 
@@ -110,7 +109,7 @@ def strip_value(problem: Problem, L: float, dynamics: Uneven, x: float) -> tuple
     """v and psi'/psi of (q / lambda) psi = b^2 g^2 psi'' / 2 with psi = 1 on both sides, by collocation."""
     temperature = problem.temperature
 
-    def slope(s: Array, y: Array) -> Array:
+    def slope(s: np.ndarray, y: np.ndarray) -> np.ndarray:
         g = dynamics.b * (1.0 + dynamics.widening * s**2)
         return np.vstack([y[1], 2.0 * (dynamics.base + dynamics.rise * s**2) / (temperature * g**2) * y[0]])
 
@@ -137,8 +136,7 @@ def test_state_dependent_rate_and_blocks_match_collocation(dynamics):
     sampling = Sampling(dt=0.005, samples=3000, guide="open-loop")
     integral = path_integral(problem, strip_space(L), sampling)
     found = [at_strip(integral, x, (1, -1), seed) for seed in range(SEEDS // 2)]
-    values = np.array([e.value for e in found])
-    assert values.mean() == pytest.approx(value, rel=0.015)
+    assert np.array([e.value for e in found]).mean() == pytest.approx(value, rel=0.015)
     assert within([e.control for e in found], [control, 0.0])
     constant, _ = interval_exit(strip(0.5, L), 0.5, L, x)
     assert abs(value - constant) > 0.03 * value  # the dependence matters here

@@ -9,7 +9,6 @@ from moving import SCENES, START, moved, walled
 from thoroughly import first, thorough
 
 from pirrht import Desirability, FreeSpace, OptionError, Problem, Scene, SingleIntegrator, Unicycle
-from pirrht.geometry.obstacle import Mover
 
 # Of an independent march, at b = 0.1, 0.2, 0.3: v to 0.002; shares in front, through the gap, between, below, above
 V = {"crossing": (8.578, 8.752, 9.000), "closing_door": (8.852, 9.410, 9.918), "pincer": (8.833, 9.155, 9.531)}
@@ -20,7 +19,7 @@ SHARES = {
 }
 
 
-def room(*movers: Mover, goal: tuple[float, float] = (4.3, 0.6), radius: float = 0.2, standing: tuple = ()) -> Scene:
+def room(*movers, goal: tuple[float, float] = (4.3, 0.6), radius: float = 0.2, standing: tuple = ()) -> Scene:
     """5 x 3 m, for a robot so large that the grid is coarse."""
     return scene_of(standing, start=(0.6, 1.5), goal=(*goal, 0.3), side=(5.0, 3.0), radius=radius, movers=movers)
 
@@ -30,7 +29,7 @@ def solved(scene: Scene, b: float = 0.3, phi: float = np.inf, **options: float) 
     return Desirability.of(problem, FreeSpace.of(scene), **options)
 
 
-def crosser(repeat: bool = False) -> Mover:
+def crosser(repeat: bool = False):
     rows = [(0.0, 2.0, 0.6, 0.0), (1.5, 2.2, 2.2, 0.0), (2.0, 2.0, 0.6, 0.0)]
     return moved("crosser", rows, disc("disc", 0.0, 0.0, 0.3), repeat=repeat)
 

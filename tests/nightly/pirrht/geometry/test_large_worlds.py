@@ -10,7 +10,6 @@ from discs import block, disc, scene_of
 from solved import around_post
 
 from pirrht import FreeSpace, Obstacle, Sampling, Scene, SceneError, path_integral
-from pirrht.arrays import Array
 from pirrht.geometry.disc import certify_piece
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance
 from pirrht.geometry.passages import find_passages
@@ -43,7 +42,7 @@ def space_of(kind: str) -> FreeSpace:
     return FreeSpace.of(hall(size, size, pillars(size, count)))
 
 
-def places(space: FreeSpace, count: int) -> Array:
+def places(space: FreeSpace, count: int) -> np.ndarray:
     """Half of them anywhere, half around the obstacles."""
     rng, scene = np.random.default_rng(4), space.scene
     spots = rng.choice(np.array([o.position[:2] for o in scene.obstacles]), count // 2)
@@ -52,7 +51,7 @@ def places(space: FreeSpace, count: int) -> Array:
     return points[np.all((points > scene.lower) & (points < scene.upper), axis=1)]
 
 
-def field_at(field: Field, points: Array) -> Array:
+def field_at(field: Field, points: np.ndarray) -> np.ndarray:
     return np.array([clearance(field, x, y) for x, y in points])
 
 

@@ -13,9 +13,17 @@ from thoroughly import thorough
 from trees import grown
 from wind import Balloon
 
-from pirrht import Dynamics, FreeSpace, HomologyTree, OptionError, PathIntegral, Problem, Reference, Sampling
-from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
+from pirrht import (
+    Dynamics,
+    FreeSpace,
+    HomologyTree,
+    OptionError,
+    PathIntegral,
+    Problem,
+    Reference,
+    Sampling,
+    path_integral,
+)
 from pirrht.geometry.disc import DISC
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
@@ -49,7 +57,7 @@ def test_in_the_open_a_masss_gains_are_those_of_riccatis_recursion():
     push = Trajectory(controls=u, durations=np.full(20, STEP), path=None, cost=2.0, length=3.0)
     guide = best(integral.guidance, np.zeros(4), times, 0, push)
 
-    def rim(x: Array) -> float:
+    def rim(x: np.ndarray) -> float:
         gap, v = np.array([3.0, 1.0]) - x[:2], x[2:]
         along = gap @ v / np.sqrt(v @ v)
         return float((along - np.sqrt(0.16 - gap @ gap + along**2)) / np.sqrt(v @ v))
@@ -83,7 +91,7 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
     integral = in_the_open(SecondOrderCar(b=0.1))
     B, costate = integral.problem.dynamics.B_c(np.zeros(4)), np.array([0.7, -1.2, 0.4, 2.0])
 
-    def step(z: Array) -> Array:
+    def step(z: np.ndarray) -> np.ndarray:
         x, a, mean, f = z[:4], B @ z[4:6], z[:4].copy(), np.zeros(4, complex)
         mean[2:] += STEP * (0.5 * a - B @ z[6:] / np.sqrt(12.0))
         f[:2] = mean[3] * np.cos(mean[2]), mean[3] * np.sin(mean[2])
@@ -91,7 +99,7 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
         moved[2:] += STEP * a
         return moved
 
-    def jacobian(z: Array) -> Array:
+    def jacobian(z: np.ndarray) -> np.ndarray:
         return np.array([step(z + 1e-30j * e).imag / 1e-30 for e in np.eye(8)]).T
 
     z = np.array([0.3, -0.4, 0.8, 1.1, 2.0, -3.0, 1.0, 0.5])
@@ -174,7 +182,7 @@ def in_slit(robot: str) -> tuple[FreeSpace, HomologyTree, PathIntegral]:
     return space, tree, path_integral(problem, space, Sampling(dt=0.1, draws="independent", threads=1))
 
 
-def led_to(robot: str, x: Array, reference: Reference) -> tuple[Array, DDPGuide]:
+def led_to(robot: str, x: np.ndarray, reference: Reference) -> tuple[np.ndarray, DDPGuide]:
     """Times and the guide of a reference."""
     integral = in_slit(robot)[2]
     times = integral.grid(running_cost(integral.problem, x, reference.trajectory))
@@ -256,7 +264,7 @@ def around_a_post(dynamics: Dynamics, **sampling: object) -> PathIntegral:
     return path_integral(problem, FreeSpace.of(scene), Sampling(draws="independent", threads=1, **sampling))
 
 
-def straight_guide(integral: PathIntegral, times: Array) -> tuple[Trajectory, DDPGuide]:
+def straight_guide(integral: PathIntegral, times: np.ndarray) -> tuple[Trajectory, DDPGuide]:
     """The reference over ground at 1 m/s to the rim of the goal, and its guide."""
     steering = StraightLine(pace=1.0, cost_rate=2.0)
     way = steering.trajectory(steering.connect(AT, np.array([2.2, 1.0])))
@@ -271,7 +279,7 @@ def test_the_control_of_a_point_in_the_wind_is_the_slope_of_its_value():
     times = integral.grid(4.0)
     lead = LinearFeedback(straight_guide(integral, times)[1])
 
-    def at(x: Array) -> object:
+    def at(x: np.ndarray) -> object:
         return integral.estimate(led(integral, x, times, lead, count=20_000, seed=4))
 
     slope = [(at(AT + h).value - at(AT - h).value) / 0.04 for h in 0.02 * np.eye(2)]

@@ -1,6 +1,5 @@
 """Sampled paths: noise through inputs, and fitted steps of a car against finer ones."""
 
-from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -12,8 +11,6 @@ from thoroughly import thorough
 from unit.pirrht.rollouts.test_blocks import STEP, case
 
 from pirrht import FreeSpace, PathIntegral, Problem, Sampling, path_integral
-from pirrht.arrays import Array
-from pirrht.estimation.estimate import Rollouts
 from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Tape
 from pirrht.steering.motion import Trajectory, running_cost
@@ -32,7 +29,7 @@ def car(sampling: Sampling, stratonovich: bool) -> PathIntegral:
     return path_integral(problem, FreeSpace.of(problem.scene), sampling)
 
 
-def drawn(integral: PathIntegral, tape: Sequence[float], count: int, seed: int, horizon: float = 20.0) -> Rollouts:
+def drawn(integral: PathIntegral, tape, count: int, seed: int, horizon: float = 20.0):
     """Samples around a control that is held for a while."""
     times = integral.steps(horizon)
     controls = np.zeros((len(times) - 1, 2))
@@ -40,7 +37,7 @@ def drawn(integral: PathIntegral, tape: Sequence[float], count: int, seed: int, 
     return led(integral, np.array([0.0, 0.0, 0.4]), times, Tape(times, controls), count=count, seed=seed)
 
 
-def mean(weight: Array) -> tuple[float, float]:
+def mean(weight: np.ndarray) -> tuple[float, float]:
     """And its standard error."""
     return float(weight.mean()), float(weight.std() / np.sqrt(len(weight)))
 
@@ -91,7 +88,7 @@ def test_a_mass_is_the_same_in_input_form_as_in_the_papers_partition():
     assert again.value == pytest.approx(told.value, rel=1e-6)
 
 
-def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -> tuple[float, float]:
+def value(x: np.ndarray, dt: float, steps: str, samples: int = 4000, seed: int = 0) -> tuple[float, float]:
     """v and its standard error."""
     problem, space, tree = case(0.03)
     integral = path_integral(problem, space, Sampling(dt=dt, steps=steps, samples=samples))

@@ -8,14 +8,13 @@ from discs import scattered
 from trees import grown
 
 from pirrht import FreeSpace, OptionError, Problem, SingleIntegrator
-from pirrht.arrays import Array
 from pirrht.steering.double_integrator import Cubics, MassSteering, optimum
 from pirrht.systems.double_integrator import DoubleIntegrator
 
 MASS = MassSteering(q=1.0, r=2.0, top=2.0)
 
 
-def coefficients(tail: Array, head: Array, r: float) -> tuple[float, float, float]:
+def coefficients(tail: np.ndarray, head: np.ndarray, r: float) -> tuple[float, float, float]:
     """A, B, C of J(T) = q T + A / T^3 + B / T^2 + C / T, from next to nothing but the closed forms."""
     gap, before, after = head[:2] - tail[:2], tail[2:], head[2:]
     if np.isnan(after[0]):
@@ -24,7 +23,7 @@ def coefficients(tail: Array, head: Array, r: float) -> tuple[float, float, floa
     return 6.0 * r * gap @ gap, -6.0 * r * gap @ (before + after), 2.0 * r * shared
 
 
-def states_at(motions: Cubics, i: int, s: Array) -> Array:
+def states_at(motions: Cubics, i: int, s: np.ndarray) -> np.ndarray:
     """States (l, 4) that motion i passes at times s (l,) [s]."""
     place, speed, force, jerk = motions.path[i].reshape(4, 1, 2)
     s = s[:, None]

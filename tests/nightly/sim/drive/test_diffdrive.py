@@ -1,20 +1,17 @@
 """The robot on wheels: friction carries it where the stochastic equation goes, as far as its file claims."""
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
 from plants import QUIET, WALL, hold, problem_of, scene_file
 
-from pirrht.outcome import Outcome
-from pirrht.systems.unicycle import Unicycle
+from pirrht import Outcome, Unicycle
 from sim.drive.executor import Executor
 from sim.mjcf import Loaded, load
 
 
 def wheeled(
-    folder: Path, *, V: float = 1.0, b: float = QUIET, period: float = 4.0, world: str = "", option: str = ""
+    folder, *, V: float = 1.0, b: float = QUIET, period: float = 4.0, world: str = "", option: str = ""
 ) -> tuple[Loaded, Executor]:
     loaded = load(scene_file(folder, world=world, option=option), robot="diffdrive")
     return loaded, Executor(loaded, problem_of(loaded, Unicycle(V=V, b=b)), period=period)

@@ -1,19 +1,13 @@
 """Hover, rover and car: a step of MuJoCo is that of their equation, and contacts and goals end a run."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from plants import QUIET, STEP, WALL, both, driven, hold, scene_file, states_of
 
-from pirrht.arrays import Array
-from pirrht.errors import OptionError
-from pirrht.outcome import Outcome
-from pirrht.problem import Problem
+from pirrht import OptionError, Outcome, Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
-from sim.drive.executor import Executor, Plant
 from sim.drive.metrics import Length, spread
 from sim.mjcf import Loaded, load, models_folder
 from sim.mjcf.robot import control_limits
@@ -32,7 +26,7 @@ def problem_of(robot: str):
     return problem
 
 
-def pair(folder: Path, robot: str, b: float, *, steps: int = 10, **scene: str) -> tuple[Executor, Plant]:
+def pair(folder, robot: str, b: float, *, steps: int = 10, **scene: str):
     loaded = load(scene_file(folder, **scene), robot=robot)
     return both(loaded, problem_of(robot)(loaded, b), steps * float(loaded.model.opt.timestep))
 
@@ -45,20 +39,20 @@ WANDER = {  # a control that depends on the state and time
 }
 
 
-def check_hover(before: Array, after: Array, u: Array, dw: Array, h: float, b: float) -> None:
+def check_hover(before: np.ndarray, after: np.ndarray, u: np.ndarray, dw: np.ndarray, h: float, b: float) -> None:
     """The semi-implicit Euler step."""
     np.testing.assert_allclose(after[:, 2:], before[:, 2:] + u * h + b * dw, rtol=0, atol=1e-9)
     np.testing.assert_allclose(after[:, :2], before[:, :2] + after[:, 2:] * h, rtol=0, atol=1e-9)
 
 
-def check_rover(before: Array, after: Array, u: Array, dw: Array, h: float, b: float) -> None:
+def check_rover(before: np.ndarray, after: np.ndarray, u: np.ndarray, dw: np.ndarray, h: float, b: float) -> None:
     """The Euler-Maruyama step."""
     way, turn = (u * h + dw * (b, 2.0 * b)).T
     moved = np.column_stack([way * np.cos(before[:, 2]), way * np.sin(before[:, 2]), turn])
     np.testing.assert_allclose(after - before, moved, rtol=0, atol=1e-8)
 
 
-def check_car(before: Array, after: Array, u: Array, dw: Array, h: float, b: float) -> None:
+def check_car(before: np.ndarray, after: np.ndarray, u: np.ndarray, dw: np.ndarray, h: float, b: float) -> None:
     """The step along the heading half way: the heading exactly, speed and place but for terms that shrink faster."""
     turn, gain = (u * h + b * dw).T
     most, more = np.abs(turn).max(), np.abs(gain).max()

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 from repository import environment
@@ -24,7 +23,7 @@ with drive.recorder(Path(sys.argv[1])) as recorder:
 """
 
 
-def lost_when_killed(file: Path, pause: float, steps: int) -> float:
+def lost_when_killed(file, pause: float, steps: int) -> float:
     """Kill a drive that pauses between its steps [s]; how long before it the last step was taken that is kept [s]."""
     command = [sys.executable, "-c", KILLED, str(file), str(pause)]
     process = subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, text=True)

@@ -1,7 +1,7 @@
 """The long tests of integration/sim/recording/test_space_time.py."""
 
 import pytest
-from drives import timed
+from drives import logged
 from thoroughly import first
 
 from sim.recording.recorder import Recorder, Sinks
@@ -13,7 +13,6 @@ def test_a_recording_among_moving_bodies_takes_half_a_megabyte_a_second(tmp_path
     scenario = prepare(name)  # to the end: a drive's first moments cost more, for then tubes are drawn
     tree = scenario.grown_tree()
     driver, file = scenario.driver(tree), tmp_path / "drive.rrd"
-    with Recorder(scenario.loaded, tree, driver.path_integral, Sinks(file=file), settings={}) as recorder:
-        for frame in timed(scenario.drive(scenario.plant(), driver)):
-            recorder.log(frame)
-    assert file.stat().st_size < 500_000 * frame.end_time
+    recorder = Recorder(scenario.loaded, tree, driver.path_integral, Sinks(file=file), settings={})
+    frames = logged(recorder, scenario.drive(scenario.plant(), driver))
+    assert file.stat().st_size < 500_000 * frames[-1].end_time

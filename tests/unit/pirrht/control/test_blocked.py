@@ -7,7 +7,6 @@ from moving import moved
 
 from pirrht import Dynamics, FreeSpace, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.control.blocked import Brake, BrakeSettings
-from pirrht.geometry.obstacle import Mover
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar
@@ -21,7 +20,7 @@ MOVING = {
 }
 
 
-def room(*movers: Mover) -> Scene:
+def room(*movers) -> Scene:
     """4 m by 3 m without anything that stands."""
     return scene_of(start=(0.6, 1.5), goal=(3.6, 1.5, 0.3), side=(4.0, 3.0), radius=RADIUS, movers=movers)
 

@@ -16,15 +16,13 @@ from pirrht import (
     Scene,
     SingleIntegrator,
 )
-from pirrht.arrays import Array
 from pirrht.control.settings import TUNING, TimeBudget
-from sim.scenario import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
 DT = 0.05
 
 
-def along(points: Array, spacing: float) -> Array:
+def along(points: np.ndarray, spacing: float) -> np.ndarray:
     """Points at equal distances on a polyline (k, 2)."""
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.arange(0.0, lengths[-1], spacing)
@@ -32,7 +30,7 @@ def along(points: Array, spacing: float) -> Array:
 
 
 @pytest.mark.parametrize("name", ["0,0", "-1,0", "0,1"])
-def test_a_class_keeps_its_name_all_the_way(slit: Scenario, slit_tree: HomologyTree, name: str):
+def test_a_class_keeps_its_name_all_the_way(slit, slit_tree: HomologyTree, name: str):
     controller = slit.with_settings(samples=50).controller(slit_tree)
     first = controller.plan(slit.start)
     reference = first.references[first.ids.index(name)]
@@ -51,7 +49,7 @@ def test_a_class_keeps_its_name_all_the_way(slit: Scenario, slit_tree: HomologyT
         assert relative != {name}  # seen from where the robot is, the class has another name
 
 
-def test_methods_differ_in_the_references_they_sample_around(slit: Scenario, slit_tree: HomologyTree):
+def test_methods_differ_in_the_references_they_sample_around(slit, slit_tree: HomologyTree):
     for method, ids in (("pi-rrht", ("0,0", "-1,0", "0,1")), ("single", ("0,0",))):
         plan = slit.with_settings(method=method, samples=50).controller(slit_tree).plan(slit.start)
         assert plan.ids[0] == "0,0"
@@ -63,7 +61,7 @@ def test_methods_differ_in_the_references_they_sample_around(slit: Scenario, sli
 
 
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
-def test_a_held_plan_is_its_control_now_and_its_tape_later(slit: Scenario, slit_tree: HomologyTree, guide: str):
+def test_a_held_plan_is_its_control_now_and_its_tape_later(slit, slit_tree: HomologyTree, guide: str):
     plan = slit.with_settings(samples=200, guide=guide, between="hold").controller(slit_tree).plan(slit.start)
     assert plan.times[0] == 0.0
     assert len(plan.times) == len(plan.tape) + 1
@@ -77,7 +75,7 @@ def test_a_held_plan_is_its_control_now_and_its_tape_later(slit: Scenario, slit_
     assert plan.favourite == max(weights, key=lambda name: weights[name]) == "0,0"
 
 
-def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree: HomologyTree):
+def test_steps_are_the_plans_of_a_loop_that_observes(slit, slit_tree: HomologyTree):
     one, other = (slit.with_settings(samples=50).controller(slit_tree) for _ in range(2))
     x = slit.start
     for k in range(3):
@@ -94,7 +92,7 @@ def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree: 
         one.step(slit.start, 0.0)
 
 
-def test_who_forgets_to_observe_is_warned(slit: Scenario):
+def test_who_forgets_to_observe_is_warned(slit):
     mppi = slit.with_settings(method="mppi", samples=50).controller(None)
     mppi.plan(slit.start)
     mppi.plan(slit.start)  # the same question again
@@ -104,7 +102,7 @@ def test_who_forgets_to_observe_is_warned(slit: Scenario):
     mppi.plan(slit.start + 0.02)
 
 
-def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit: Scenario, slit_tree: HomologyTree):
+def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit, slit_tree: HomologyTree):
     few = slit.with_settings(samples=4, noise=0.3)
     plain, until = (few.controller(slit_tree) for _ in range(2))
     plain.path_integral.sampling = replace(few.sampling, least=0.0)
@@ -116,7 +114,7 @@ def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit
     assert len(until.plan(slit.start).estimate.parts) == 1
 
 
-def test_without_a_reference_at_the_start_there_is_no_plan_and_later_the_robot_brakes(slit: Scenario):
+def test_without_a_reference_at_the_start_there_is_no_plan_and_later_the_robot_brakes(slit):
     """A tree that is the goal alone has a reference only where the goal is in sight."""
     short_sighted = slit.with_settings(samples=50).controller(slit.empty_tree())
     with pytest.raises(NoReference, match=r"from \(1, 3.4\)"):
@@ -134,7 +132,7 @@ def test_without_a_reference_at_the_start_there_is_no_plan_and_later_the_robot_b
     np.testing.assert_array_equal(plan.control, plan.at(HIDDEN, 0.0))
 
 
-def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit: Scenario, slit_tree: HomologyTree):
+def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit, slit_tree: HomologyTree):
     """In the middle of the slit under much noise none of a few samples survives that holds its tape."""
     controller = slit.with_settings(samples=2, noise=6.0, guide="open-loop").controller(slit_tree)
     x = np.array([3.4, 2.5])

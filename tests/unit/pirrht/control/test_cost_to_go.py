@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from discs import disc, scene_of
 
-from pirrht import FreeSpace, Problem, Scene, SingleIntegrator
-from pirrht.control.baselines import Mppi
+from pirrht import FreeSpace, Mppi, Problem, Sampling, Scene, SingleIntegrator, StraightLine
 from pirrht.control.cost_to_go import cost_to_go, shortest_paths, straight_lines
-from pirrht.estimation.sampling import Sampling
 from pirrht.steering.motion import running_cost
-from pirrht.steering.straight_line import StraightLine
 
 TASK = {"lower": (0.0, 0.0), "upper": (4.0, 3.0), "start": (0.6, 1.5), "goal": (3.4, 1.5, 0.3), "robot_radius": 0.2}
 

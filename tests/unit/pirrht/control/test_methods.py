@@ -21,15 +21,14 @@ from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.systems.rover import Rover
 from sim.drive import episode
 from sim.drive.metrics import EpisodeMetrics, TimedPlan
-from sim.scenario import Scenario
 
 
-def noisy(slit: Scenario) -> Problem:
+def noisy(slit) -> Problem:
     """The problem that `around_all` samples."""
     return slit.with_settings(noise=0.3).problem
 
 
-def around_all(slit: Scenario, tree: HomologyTree, samples: int = 150, **settings) -> tuple[Estimate, list[str]]:
+def around_all(slit, tree: HomologyTree, samples: int = 150, **settings) -> tuple[Estimate, list[str]]:
     """Samples around every reference of the slit at the start, in one batch."""
     controller = slit.with_settings(samples=samples, noise=0.3, **settings).controller(tree)
     integral, x = controller.path_integral, slit.start
@@ -83,7 +82,7 @@ def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_n
 
 
 @pytest.mark.parametrize("method", [*SAMPLING, "mppi"])
-def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, slit_tree: HomologyTree, method: str):
+def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit, slit_tree: HomologyTree, method: str):
     scenario = slit.with_settings(method=method, samples=40, max_time=0.05, seed=4)
     tree = slit_tree if method in SAMPLING else None
     controller, rng = scenario.controller(tree), scenario.plant_rng()
@@ -92,7 +91,7 @@ def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, 
     np.testing.assert_array_equal(np.vstack([frame.advance.noise for frame in frames]), np.sqrt(0.002) * again)
 
 
-def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scenario, slit_tree: HomologyTree):
+def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit, slit_tree: HomologyTree):
     """Shares are martingales under the exact law: they cross one half often, and go from 0.9 to 0.1 once in nine."""
     scenario = slit.with_settings(samples=60, noise=0.3)
     controller, rng = scenario.controller(slit_tree), scenario.plant_rng()
@@ -107,7 +106,7 @@ def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scen
 B, RADIUS = 0.3, 0.3
 
 
-def test_a_tape_that_finds_no_survivor_goes_on_shifted_by_the_time_that_passed(slit: Scenario):
+def test_a_tape_that_finds_no_survivor_goes_on_shifted_by_the_time_that_passed(slit):
     scenario = slit.with_settings(noise=1.0)
     sampling = Sampling(dt=0.05, samples=60, guide="open-loop")
     mppi = Mppi(scenario.problem, slit.space, sampling, horizon=0.5, rng=np.random.default_rng(1))
@@ -127,13 +126,13 @@ def test_part_of_a_step_shifts_a_tape_by_its_share():
     np.testing.assert_allclose(step_means(tape, np.diff(times), times, times + 0.25), [[1.25], [2.75], [3.75]])
 
 
-def test_there_are_at_least_as_many_samples_as_around_the_references(slit: Scenario, slit_tree: HomologyTree):
+def test_there_are_at_least_as_many_samples_as_around_the_references(slit, slit_tree: HomologyTree):
     scenario = slit.with_settings(method="mppi")
     assert scenario.controller(None).path_integral.sampling.samples >= 200 * len(slit_tree.references(slit.start))
     assert slit.with_settings(method="mppi", classes=2).controller(None).path_integral.sampling.samples == 400
 
 
-def test_what_mppi_does_not_have_is_refused(slit: Scenario):
+def test_what_mppi_does_not_have_is_refused(slit):
     with pytest.raises(OptionError, match="open-loop"):
         Mppi(slit.problem, slit.space, slit.sampling, rng=np.random.default_rng(0))
     with pytest.raises(OptionError, match="horizon is -1; it must be a positive number of seconds"):

@@ -5,7 +5,6 @@ from corners import START, controller
 
 from pirrht.control import proposals
 from pirrht.control.settings import TimeBudget
-from pirrht.estimation.estimate import Estimate
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch
 
@@ -13,7 +12,7 @@ SAMPLES = 60
 ONE_WAY = (1.0, -2.0, 2.0, 0.0)  # a box that leaves one class
 
 
-def first_plan(monkeypatch, last: int | None = None) -> tuple[Batch, Estimate, list[int]]:
+def first_plan(monkeypatch, last: int | None = None):
     """The batch that a first plan weighs, its estimate, numbers of its rounds; round `last` has another seed."""
     made, numbers, seed_of = controller(None, ONE_WAY, samples=SAMPLES, least=1e6), [], proposals.round_seed
 

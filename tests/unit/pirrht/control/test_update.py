@@ -7,9 +7,7 @@ import pytest
 from thoroughly import thorough
 from trees import grown, point
 
-from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, Unicycle
-from pirrht.arrays import Array
-from pirrht.errors import OptionError, SceneError
+from pirrht import Controller, Dubins, FreeSpace, OptionError, Problem, Sampling, Scene, SceneError, Unicycle
 from pirrht.geometry.collision import Collision
 
 WALLS = [[2.0, 0.75, 2.4, 2.1], [2.0, 2.9, 2.4, 4.25]]
@@ -30,11 +28,11 @@ def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300) -> Con
     return Controller(problem, space, tree, Sampling(samples=100), rng=np.random.default_rng(1))
 
 
-def start(c: Controller) -> Array:
+def start(c: Controller) -> np.ndarray:
     return c.problem.dynamics.state_of(c.problem.scene.start)
 
 
-def drive(c: Controller, x: Array, seconds: float, rng: np.random.Generator, h: float = 0.002) -> Array:
+def drive(c: Controller, x: np.ndarray, seconds: float, rng: np.random.Generator, h: float = 0.002) -> np.ndarray:
     """Positions (k, 2) that the equation passes, from x (n,) on until the goal."""
     d, period = c.problem.dynamics, PERIOD["puck" if c.problem.dynamics.n == 2 else "car"]
     path = [x]
@@ -135,7 +133,7 @@ def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     assert (0, 0) not in {whole[:2] for whole in c.run.memory.optima}
 
 
-def touched(scene: Scene, path: Array) -> bool:
+def touched(scene: Scene, path: np.ndarray) -> bool:
     """Whether a robot on a path (k, n) touches something; steps are shorter than walls are thick."""
     gaps = [np.hypot(*(b - a)) for a, b in pairwise(path[:, :2])]
     return bool(np.any(Collision(scene.world, scene.footprint).clearance(path[:, :2]) <= 0.0)) or max(gaps) > 0.1

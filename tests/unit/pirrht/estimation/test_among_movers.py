@@ -12,12 +12,18 @@ from moving import SCENES, hall, moved, walled
 from thoroughly import thorough
 from trees import point
 
-from pirrht import Desirability, FreeSpace, Outcome, PathIntegral, Problem, Sampling, Scene
-from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.estimate import Rollouts
+from pirrht import (
+    Desirability,
+    FreeSpace,
+    Outcome,
+    PathIntegral,
+    Problem,
+    Sampling,
+    Scene,
+    SingleIntegrator,
+    path_integral,
+)
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.systems.single_integrator import SingleIntegrator
 
 
 def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: object) -> PathIntegral:
@@ -25,7 +31,7 @@ def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: objec
     return path_integral(problem, FreeSpace.of(scene), Sampling(threads=1, **settings))
 
 
-def held(integral: PathIntegral, x: Array, control: Array, count: int, time: float = 0.0, T: int = 60) -> Rollouts:
+def held(integral: PathIntegral, x: np.ndarray, control: np.ndarray, count: int, time: float = 0.0, T: int = 60):
     """Samples around one control that is held."""
     times = integral.steps(T * integral.sampling.dt)
     tape = Tape(times, np.tile(control, (len(times) - 1, 1)))

@@ -8,13 +8,19 @@ from batches import batch_of, led, still
 from closed_forms import at_strip, in_strip
 from discs import scene_of
 
-from pirrht import FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, path_integral
+from pirrht import (
+    FreeSpace,
+    NoSurvivingSample,
+    OptionError,
+    Outcome,
+    PathIntegral,
+    Problem,
+    Sampling,
+    SingleIntegrator,
+    path_integral,
+)
 from pirrht.arrays import Array, IntArray
-from pirrht.errors import NoSurvivingSample, OptionError
-from pirrht.estimation.estimate import Estimate
-from pirrht.outcome import Outcome
 from pirrht.rollouts.tables import Chosen, Origin, Paths, ProposalTables, Setup, empty_paths
-from sim.scenario import Scenario
 
 
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
@@ -94,7 +100,7 @@ def test_sampling_refuses_by_name():
             Sampling(**wrong)
 
 
-def of(slit: Scenario, **changes: object) -> PathIntegral:
+def of(slit, **changes: object) -> PathIntegral:
     return path_integral(slit.problem, slit.space, replace(slit.sampling, **changes))
 
 
@@ -211,7 +217,7 @@ PLACE, SAMPLES = np.array([1.6, 1.0]), 20_000
 PAPER = {"exit": "endpoint", "steps": "uniform", "guide": "open-loop", "draws": "independent", "threads": 1}
 
 
-def estimated(weights: str, backend: Euler | None, seed: int) -> tuple[Estimate, np.ndarray]:
+def estimated(weights: str, backend: Euler | None, seed: int):
     """Estimate around two control sequences in a room whose walls end many paths; its open-loop control too."""
     scene = scene_of(start=PLACE, goal=(2.8, 1.0, 0.4), side=(4.0, 2.0), radius=0.2)
     problem = Problem(dynamics=SingleIntegrator(b=0.4), scene=scene, R=2.0 * np.eye(2), phi=4.0)

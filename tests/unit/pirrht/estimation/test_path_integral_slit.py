@@ -1,27 +1,23 @@
 """Estimates of a point against grid solutions, at the start of `slit` and elsewhere, and what they do not depend on."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from batches import led, still
 from scipy.stats import kstest
-from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
+from solved import around_corner, around_post, error_of, in_channel, is_the_grids, shares
 
 from pirrht import Estimate, Outcome, PathIntegral, Plan, Sampling, path_integral
-from pirrht.arrays import Array
-from pirrht.estimation.estimate import Rollouts
 from pirrht.topology.signature import class_id
-from sim.scenario import Scenario
 
 
-def plan_at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Plan:
+def plan_at_start(scenario, tree, b: float, samples: int, **settings) -> Plan:
     changed = scenario.with_settings(noise=b, samples=samples, **settings)
     return changed.controller(tree).plan(changed.start)
 
 
-def at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Estimate:
+def at_start(scenario, tree, b: float, samples: int, **settings) -> Estimate:
     return plan_at_start(scenario, tree, b, samples, **settings).estimate
 
 
@@ -80,7 +76,7 @@ def test_the_number_of_threads_does_not_change_a_bit(slit, slit_tree, exit_rule)
 FINE = {"steps": "uniform", "dt": 0.1 / 64}
 
 
-def passive(integral: PathIntegral, x: Array, count: int, seed: int) -> Rollouts:
+def passive(integral: PathIntegral, x: np.ndarray, count: int, seed: int):
     """Samples of no guide for eight seconds."""
     times = integral.steps(8.0)
     return led(integral, x, times, still(times), count=count, seed=seed)
@@ -103,7 +99,7 @@ def test_split_steps_leave_when_and_where_passive_paths_end_as_it_is():
 
 @pytest.mark.parametrize("phi", [0.5, 2.0])
 @pytest.mark.parametrize("make", [around_corner, around_post])
-def test_with_a_small_final_cost_psi_is_that_of_the_grid_with_that_cost(make: Callable[..., Solved], phi):
+def test_with_a_small_final_cost_psi_is_that_of_the_grid_with_that_cost(make, phi):
     """Walls are worth exp(-1) or exp(-4), so most of psi comes from them; passive paths, 8 seeds."""
     known = make(0.5, phi)
     integral = path_integral(known.problem, known.space, Sampling(guide="open-loop"))

@@ -63,8 +63,7 @@ def test_a_finite_final_cost_accepts_no_more_than_its_bound(lambdas):
 
 
 def test_a_risk_raises_a_final_cost_below_the_cost_to_go():
-    plain = prepare("slit", phi=5.0)
-    assert predicted(plain).probability > 0.99
+    assert predicted(prepare("slit", phi=5.0)).probability > 0.99
     scenario = prepare("slit", phi=5.0, risk=0.01)
     assert 8.4 < scenario.problem.phi < 9.0
     assert predicted(scenario).most <= 0.005
@@ -72,8 +71,7 @@ def test_a_risk_raises_a_final_cost_below_the_cost_to_go():
 
 @pytest.mark.parametrize("robot", ["unicycle", "hover"])
 def test_a_held_control_adds_nothing_where_noise_acts_on_derivatives_of_the_position(robot):
-    found = predicted(prepare("slit", robot=robot))
-    assert found.most < 1e-6
+    assert predicted(prepare("slit", robot=robot)).most < 1e-6
 
 
 def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wall(slit, slit_tree):
@@ -81,7 +79,6 @@ def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wal
     settings = replace(slit.sampling, samples=2000, guide="open-loop")
     controller = Controller(problem, slit.space, slit_tree, settings, rng=np.random.default_rng(2))
     plan = controller.plan(slit.start)
-    assert plan.estimate is not None
     found = collision_probability(problem, plan.estimate, step=STEP, classes=plan.classes)
     (part,) = plan.estimate.parts
     weight = np.exp(part.log_weight - part.log_weight.max())

@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pirrht import Controller
-from pirrht.estimation.sampler import PathIntegral
+from pirrht import Controller, PathIntegral
 from pirrht.estimation.sampling import TUNING
 from pirrht.estimation.weights import shrinkage
 from pirrht.proposals.proposal import Batch
@@ -23,8 +22,6 @@ def rover(samples: int) -> Scenario:
 def batch() -> tuple[Controller, Batch]:
     """What a plan at the start samples."""
     controller = rover(200).controller(rover(200).grown_tree())
-    assert isinstance(controller, Controller)
-    assert controller.tree is not None
     return controller, controller.batch(rover(200).start, controller.tree.references(rover(200).start))
 
 
@@ -32,8 +29,7 @@ def test_a_correction_counts_fully_as_its_error_vanishes_and_not_at_all_within_i
     np.testing.assert_array_equal(shrinkage(np.array([0.3, -0.5, 0.0]), np.full(3, 0.5)), 0.0)
     np.testing.assert_array_equal(shrinkage(np.array([-2.0, 1e-9]), np.zeros(2)), 1.0)
     errors = np.geomspace(1e-6, 0.9, 50)
-    shares = shrinkage(np.full(50, -1.0), errors)
-    np.testing.assert_allclose(1.0 - shares, errors**2, atol=1e-12)
+    np.testing.assert_allclose(1.0 - shrinkage(np.full(50, -1.0), errors), errors**2, atol=1e-12)
 
 
 def test_bias_and_error_of_a_shrunk_gaussian_mean_are_those_that_are_stated():

@@ -9,7 +9,6 @@ from discs import block, disc, scattered, scene_of
 from trees import grown
 
 from pirrht import FreeSpace, Goal, Scene, SceneError, StraightLine
-from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import clearances
 from pirrht.geometry.passages import Passages, find_passages
@@ -23,7 +22,7 @@ def passages_of(scene: Scene) -> tuple[Passages, FreeSpace]:
     return find_passages(space.field, space.collision), space
 
 
-def two_blocks(gap: float, yaw: float) -> tuple[Scene, Array]:
+def two_blocks(gap: float, yaw: float) -> tuple[Scene, np.ndarray]:
     """Two long blocks with a gap between their ends; the line through them is at an angle [rad]."""
     along = np.array([np.cos(yaw), np.sin(yaw)])
     at = [np.array([3.0, 3.1]) + side * (0.8 + 0.5 * gap) * along for side in (-1, 1)]
@@ -105,7 +104,7 @@ def shelf(*, center: tuple[float, float], radius: float, pillar: float | None = 
     return replace(scene_of([solid], start=(0.5, 2.0), goal=center), goal=Goal(center=np.array(center), radius=radius))
 
 
-def line(space: FreeSpace) -> Array:
+def line(space: FreeSpace) -> np.ndarray:
     """The cheapest reference from the start, as points a centimetre apart or less (k, 2) [m]."""
     corners = grown(space, StraightLine(), 300).references(space.scene.start[:2])[0].trajectory.points
     return np.concatenate([np.linspace(a, b, 500) for a, b in zip(corners, corners[1:], strict=False)])

@@ -1,7 +1,6 @@
 """Scenes and motions from plain numbers are those that files describe, and hold what was given and nothing else."""
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from hypothesis.extra.numpy import arrays
 from trees import point
 
 from pirrht import Goal, Kind, Obstacle, Scene, SceneError
-from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.rectangles import cover, union
@@ -31,11 +29,11 @@ GEOMS = {
 MADE = {"boxes": partial(Scene.from_boxes, BOXES), "discs": partial(Scene.from_discs, DISCS)}
 
 
-def clearance(scene: Scene, points: Array) -> Array:
+def clearance(scene: Scene, points: np.ndarray) -> np.ndarray:
     return Collision(scene.world, scene.footprint).clearance(points)
 
 
-def to_outline(corners: Array, points: Array) -> Array:
+def to_outline(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance from points (k, 2) to the area of a simple polygon (l, 2), 0 inside."""
     a, b = corners, np.roll(corners, -1, axis=0)
     gap, side = points[:, None] - a, b - a
@@ -47,7 +45,7 @@ def to_outline(corners: Array, points: Array) -> Array:
     return np.where(np.sum(above & (points[:, None, 0] < x), axis=1) % 2, 0.0, far)
 
 
-def star(seed: int) -> Array:
+def star(seed: int) -> np.ndarray:
     """A polygon about (3, 2.5) that is hardly ever convex."""
     rng = np.random.default_rng(seed)
     angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 9))
@@ -55,7 +53,7 @@ def star(seed: int) -> Array:
 
 
 @pytest.mark.parametrize("kind", ["boxes", "discs"])
-def test_a_scene_by_constructor_gives_bit_by_bit_the_plan_of_the_same_scene_by_file(kind: str, tmp_path: Path):
+def test_a_scene_by_constructor_gives_bit_by_bit_the_plan_of_the_same_scene_by_file(kind: str, tmp_path):
     file = tmp_path / "room.xml"
     file.write_text(
         f'<mujoco><worldbody>{"".join(GEOMS[kind])}<site name="start" pos="0.5 2.5 0"/>'

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import exponential, fill_normals, logarithm, stream, uniform
 from pirrht.jit.streams import normals as two_normals
@@ -41,20 +40,20 @@ def _uniforms(seed, out):  # type: ignore[no-untyped-def]
             state, out[s, i] = uniform(state)
 
 
-def normals(seed: int, samples: int, draws: int, first: int = 0) -> Array:
+def normals(seed: int, samples: int, draws: int, first: int = 0) -> np.ndarray:
     out = np.empty((samples, draws))
     _normals(np.uint64(seed), first, out)
     return out
 
 
-def of_each(u: Array) -> tuple[Array, Array]:
+def of_each(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Logarithms of sizes, and exponentials."""
     logs, exponentials = np.empty((2, len(u)), np.float32)
     _of_each(np.asarray(u, np.float32), logs, exponentials)
     return logs, exponentials.astype(float)
 
 
-def uniforms(seed: int, samples: int, draws: int) -> Array:
+def uniforms(seed: int, samples: int, draws: int) -> np.ndarray:
     out = np.empty((samples, draws))
     _uniforms(np.uint64(seed), out)
     return out

@@ -3,8 +3,6 @@
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from types import FrameType
 
 import numpy as np
 import pytest
@@ -57,11 +55,11 @@ def test_no_thread_still_works_when_interruptions_have_ended_the_call():
 
 
 @pytest.fixture
-def heard() -> Iterator[list[str]]:
+def heard():
     """Signals of Ctrl-C: what became of each."""
     happened: list[str] = []
 
-    def handler(number: int, _: FrameType | None) -> None:
+    def handler(number: int, _) -> None:
         happened.append("waits" if patches.waits(number) else "heeded")
 
     before = signal.signal(signal.SIGINT, handler)
@@ -102,5 +100,4 @@ def test_compiling_is_interrupted_before_and_after_llvm_but_not_within(heard: li
         assert njit(lambda x: x + 1)(np.int64(1)) == 2
     finally:
         event.unregister("numba:run_pass", listener)
-    assert heard[0] == first
-    assert heard[-1] == "heeded"
+    assert (heard[0], heard[-1]) == (first, "heeded")

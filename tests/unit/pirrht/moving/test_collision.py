@@ -7,7 +7,6 @@ from moving import clearance_among, moved
 from thoroughly import first
 from tilted import RADIUS, solid
 
-from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Footprint, Kind, Obstacle
 from pirrht.moving.collision import MovingObstacles, jumps
 
@@ -18,7 +17,7 @@ def disc(radius: float, x: float = 0.0, y: float = 0.0) -> Obstacle:
     return discs.disc("disc", x, y, radius)
 
 
-def wandering(seed: int, *, turning: float = 2.0) -> list[Mover]:
+def wandering(seed: int, *, turning: float = 2.0):
     """Five bodies of all kinds of tilted solids on ways with corners, some of which start over elsewhere.
 
     Their yaws lie within `turning` of one another's [rad].

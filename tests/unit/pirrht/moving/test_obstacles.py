@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from moving import SCENES, busy, clearance_among
 
-from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import NEVER
 from pirrht.geometry.world import WALL
@@ -18,7 +17,7 @@ from pirrht.moving.exits import LISTING, SEEN, Watch, sweep, walls, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
 
 
-def truth(scene: Scene, place: Array, time: float) -> float:
+def truth(scene: Scene, place: np.ndarray, time: float) -> float:
     return clearance_among(scene.movers, scene.footprint, place, time)
 
 
@@ -84,7 +83,9 @@ def _walls(moving, notes, x, y, t, within, out):  # type: ignore[no-untyped-def]
     return walls(moving, notes, x, y, t, within, out)
 
 
-def near_walls(traffic: MovingObstacleArrays, notes: Watch, x: Array, t: float, within: float) -> tuple[Array, float]:
+def near_walls(
+    traffic: MovingObstacleArrays, notes: Watch, x: np.ndarray, t: float, within: float
+) -> tuple[np.ndarray, float]:
     out = np.empty((traffic.J, WALL))
     count, until = _walls(traffic, notes, x[0], x[1], t, within, out)
     return out[:count], until
@@ -134,8 +135,7 @@ def test_a_straight_way_is_met_where_fcl_says():
         met += right
         if found != right:  # by a hair, or where a body is gone that has been there
             times = np.linspace(0.0, 1.0, 400)
-            least = min(crowd.clearance(a + s * (b - a), t + s * dt) for s in times)
-            assert abs(least) < 2e-3
+            assert abs(min(crowd.clearance(a + s * (b - a), t + s * dt) for s in times)) < 2e-3
             continue
         if right:
             entered = crowd.clearance(a + share * (b - a), t + share * dt)

@@ -10,7 +10,6 @@ from trees import grown
 from pirrht import FreeSpace, HomologyTree, OptionError, Reference, Steering, StraightLine
 from pirrht.planner.graph import class_at
 from pirrht.topology.signature import class_id
-from sim.scenario import Scenario
 
 EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry
 
@@ -23,7 +22,7 @@ def by_class(references: list[Reference]) -> dict[str, Reference]:
     return {reference.id: reference for reference in references}
 
 
-def test_the_slit_has_three_classes(slit: Scenario, slit_tree: HomologyTree):
+def test_the_slit_has_three_classes(slit, slit_tree: HomologyTree):
     references = slit_tree.references(slit.start)
     assert by_class(references).keys() == EXACT.keys()
     assert references[0].id == "0,0"
@@ -34,14 +33,14 @@ def test_the_slit_has_three_classes(slit: Scenario, slit_tree: HomologyTree):
         np.testing.assert_allclose(reference.signature, signature, atol=1e-12)
 
 
-def test_taut_paths_cost_what_their_geometry_says(slit: Scenario, slit_tree: HomologyTree):
+def test_taut_paths_cost_what_their_geometry_says(slit, slit_tree: HomologyTree):
     for name, reference in by_class(slit_tree.references(slit.start)).items():
         assert reference.cost == pytest.approx(EXACT[name], rel=0.005)
         assert reference.cost > EXACT[name] - 1e-6
         assert reference.cost == pytest.approx(2.0 * reference.length)
 
 
-def test_asking_leaves_the_tree_unchanged(slit: Scenario):
+def test_asking_leaves_the_tree_unchanged(slit):
     tree = tree_in(slit.space, limit=0.6)
     before = [np.array(part) for part in tree.graph]
     states, draws, where = tree.states.copy(), tree.draws, tree.rng.bit_generator.state
@@ -54,7 +53,7 @@ def test_asking_leaves_the_tree_unchanged(slit: Scenario):
     assert (tree.draws, tree.rng.bit_generator.state) == (draws, where)
 
 
-def test_growing_more_never_raises_the_best_cost_of_a_class(slit: Scenario):
+def test_growing_more_never_raises_the_best_cost_of_a_class(slit):
     tree = tree_in(slit.space, limit=0.6, vertices=100)
     best: dict[tuple[int, ...], float] = {}
     for vertices in range(100, 601, 50):
@@ -86,7 +85,7 @@ def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit,
         assert np.all(checker.inspect(reference.path, np.ones(len(reference.path.cost), dtype=np.bool_)).free)
 
 
-def test_the_limit_holds_at_every_vertex_and_removes_the_fourth_winding(slit: Scenario):
+def test_the_limit_holds_at_every_vertex_and_removes_the_fourth_winding(slit):
     """A path around both walls that turns back through the slit ends allowed, but is not allowed on its way."""
     wide = by_class(tree_in(slit.space, limit=1.6, vertices=600, classes=0).references(slit.start))
     narrow = by_class(tree_in(slit.space, limit=0.6, vertices=600, classes=0).references(slit.start))
@@ -97,7 +96,7 @@ def test_the_limit_holds_at_every_vertex_and_removes_the_fourth_winding(slit: Sc
         assert wide[name].cost == pytest.approx(narrow[name].cost, rel=0.01)
 
 
-def test_what_cannot_limit_is_refused(slit: Scenario):
+def test_what_cannot_limit_is_refused(slit):
     for wrong in ({"limit": 0.0}, {"limit": -1.0}, {"limit": np.nan}, {"classes": -1}):
         with pytest.raises(OptionError, match=next(iter(wrong))):
             HomologyTree(slit.space, StraightLine(), rng=np.random.default_rng(0), **wrong)
@@ -111,7 +110,7 @@ def test_without_obstacles_there_is_one_straight_class():
     assert reference.length == pytest.approx(np.hypot(3, 3) - 0.2)
 
 
-def test_states_that_collide_or_reach_nothing_do_not_become_vertices(slit: Scenario):
+def test_states_that_collide_or_reach_nothing_do_not_become_vertices(slit):
     tree = HomologyTree(slit.space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
     for x in ([3.4, 2.8], [6.5, 2.5], [1.0, 3.4]):
         assert not tree.extend(np.array(x))

@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,7 +15,6 @@ from scipy.stats import norm
 from solved import Solved, around_corner, around_post, in_channel, problem_in, slope
 
 from pirrht import Desirability, FreeSpace, PathIntegral, Sampling, path_integral
-from pirrht.arrays import Array
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.wall_drift import FlatWalls, NearWalls, WallDrift, shortfall
 
@@ -28,7 +27,7 @@ def way(known: Solved) -> tuple[PathIntegral, DesirabilityAscent]:
     return integral, integral.proposals.climbing(known.x, known.lines[0])
 
 
-def beside(known: Solved, seed: int, count: int = 300) -> Array:
+def beside(known: Solved, seed: int, count: int = 300) -> np.ndarray:
     """States within about 5 cm of the first reference, 3 cm from walls and 20 cm from the goal at least, (., 2) [m]."""
     rng = np.random.default_rng(seed)
     whole = np.vstack([known.x, known.lines[0]])
@@ -126,12 +125,13 @@ def test_the_mean_of_the_slope_falls_short_by_what_paths_that_would_meet_the_wal
 
 
 def next_to(*walls: tuple[float, tuple[float, float], float], push: tuple[float, float] = (0, 0)) -> NearWalls:
-    def near(x: np.ndarray, s: float = 0.0) -> tuple[float, ...]:
-        known = [(c + receding * s, *away) for c, away, receding in walls]
-        return tuple(itertools.chain(*[*known, (np.inf, 0.0, 0.0), (np.inf, 0.0, 0.0)][:2]))
+    def near(x: np.ndarray, s: float = 0.0) -> tuple[Any, ...]:
+        known = [(c + receding * s, away) for c, away, receding in walls]
+        return tuple(itertools.chain(*[*known, (np.inf, (0.0, 0.0)), (np.inf, (0.0, 0.0))][:2]))
 
-    d = SimpleNamespace(G_c=lambda x: np.eye(2), B_c=lambda x: B * np.eye(2))
-    drift = SimpleNamespace(walls=near, gain=lambda x: B**2 * np.eye(2), problem=SimpleNamespace(dynamics=d))
+    d = SimpleNamespace(B_c=lambda x: B * np.eye(2))
+    gains = {"gain": lambda x: B**2 * np.eye(2), "gains": lambda x: np.eye(2)}
+    drift = SimpleNamespace(walls=near, problem=SimpleNamespace(dynamics=d), **gains)
     flat = FlatWalls(drift=cast(WallDrift, drift), x=np.zeros(2), span=0.02)
     return NearWalls(push=np.array(push), clipped=np.zeros(2), flat=flat)
 

@@ -5,10 +5,7 @@ from functools import cache
 import numpy as np
 
 from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, Scene
-from pirrht.arrays import Array
-from pirrht.estimation.estimate import Estimate
 from pirrht.proposals.fitted_law import LawFit, chosen, pooled
-from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.straight_line import Tracked
 from pirrht.systems.double_integrator import DoubleIntegrator
 
@@ -31,14 +28,14 @@ def controller(threads: int | None = None) -> Controller:
 
 
 @cache
-def guide() -> DDPGuide:
+def guide():
     """The guide of the likeliest class."""
     made = controller()
     made.plan(START)
     return next(iter(made.run.memory.optima.values()))[0]
 
 
-def plenty(made: Controller) -> Estimate:
+def plenty(made: Controller):
     """What the next plan would have with twenty times the samples."""
     tree, integral = made.tree, made.path_integral
     assert tree is not None
@@ -46,7 +43,7 @@ def plenty(made: Controller) -> Estimate:
     return integral.estimate(integral.rollout(batch.counting([20 * n for n in batch.counts]), 5), classes=batch.named)
 
 
-def paths(one: DDPGuide, law: Array, count: int = 40) -> tuple[Array, Array, Array]:
+def paths(one, law: np.ndarray, count: int = 40) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Paths near the rows of a guide that apply a law (L, n+1, m) without noise."""
     rng, L = np.random.default_rng(2), len(law)
     off = 1e-3 * rng.standard_normal((count, L, one.dynamics.n))

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 from corners import BOX, START, cheapest, controller
 
-from pirrht import Controller, FreeSpace, Problem, Sampling, Scene
-from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
+from pirrht import Controller, FreeSpace, Problem, Sampling, Scene, path_integral
 from pirrht.geometry.disc import DISC
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guidance import DDPGuidance
@@ -93,7 +91,7 @@ def test_no_guide_costs_more_for_being_tried_at_other_paces(boxes):
     assert max(gained) > one.problem.temperature or boxes == (BOX,)
 
 
-def priced(x: Array, speed: float) -> tuple[int, float]:
+def priced(x: np.ndarray, speed: float) -> tuple[int, float]:
     """Steps that end outside the goal, and cost to its rim, straight on at a share of the best speed."""
     one = made(BOX)
     integral, T = one.path_integral, 20
@@ -106,7 +104,7 @@ def priced(x: Array, speed: float) -> tuple[int, float]:
     return steps, cost
 
 
-def ahead_of_goal(distance: float, off: float, heading: float) -> Array:
+def ahead_of_goal(distance: float, off: float, heading: float) -> np.ndarray:
     """A state so far before the rim along its heading, on a line that passes the goal's centre `off` to its side."""
     along, across = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
     return np.array([*(GOAL + off * across - (distance + math.sqrt(RADIUS**2 - off**2)) * along), heading])

@@ -13,9 +13,7 @@ from discs import disc, scene_of
 from guides import best, valid
 from trees import grown
 
-from pirrht import Dubins, FreeSpace, PathIntegral, Problem, Sampling, Unicycle, path_integral
-from pirrht.arrays import Array
-from pirrht.proposals.guide import DDPGuide
+from pirrht import Dubins, FreeSpace, Problem, Sampling, Unicycle, path_integral
 from pirrht.steering.motion import Trajectory, running_cost
 
 Found = tuple[Trajectory, tuple[int, ...]]
@@ -32,7 +30,7 @@ def case(post: bool, b: float, goal: float) -> tuple[Problem, FreeSpace, tuple[F
     return problem, space, tuple((r.trajectory, r.winding) for r in tree.references(scene.start))
 
 
-def setting(steps: str = "fitted") -> tuple[PathIntegral, Array, list[DDPGuide]]:
+def setting(steps: str = "fitted"):
     """Sampler, grid, and the guide of each class past the post."""
     problem, space, references = case(True, 0.03, 4.5)
     integral, x = path_integral(problem, space, Sampling(steps=steps)), problem.scene.start
@@ -40,7 +38,7 @@ def setting(steps: str = "fitted") -> tuple[PathIntegral, Array, list[DDPGuide]]
     return integral, times, [valid(integral, x, times, w, t) for t, w in references]
 
 
-def polyline(guide: DDPGuide) -> Array:
+def polyline(guide) -> np.ndarray:
     return guide.states[: guide.length + 1, :2]
 
 
@@ -60,7 +58,7 @@ def test_a_guide_is_a_minimum_of_what_it_minimises():
     integral, _, (guide, *_) = setting(steps="uniform")
     rng = np.random.default_rng(0)
 
-    def cost(control: Array) -> float:
+    def cost(control: np.ndarray) -> float:
         x, total = np.zeros(3), 0.0
         for i in range(guide.length):
             middle = x[2] + 0.05 * control[i]

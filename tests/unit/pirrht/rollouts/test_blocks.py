@@ -16,14 +16,13 @@ from trees import grown
 
 from pirrht import Dubins, FreeSpace, HomologyTree, PathIntegral, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Rollouts
+from pirrht.geometry.disc import DISC
 from pirrht.problem import unit_rate
 from pirrht.rollouts.cpu import Cpu, loops
 from pirrht.rollouts.path import any_path
 from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import Paths
 from pirrht.traits import Traits
-from sim.scenario import Scenario
 
 TIMES = np.concatenate([np.arange(10) * 0.01, np.arange(1, 40) * 0.1])
 RULES = [
@@ -32,7 +31,7 @@ RULES = [
 ]
 
 
-def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]) -> Rollouts:
+def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]):
     x = source.problem.scene.start[:2]
     trajectories = [r.trajectory for r in tree.references(x)]
     corners = [np.vstack([t.path.start[1:, :2], source.space.scene.goal.center]) for t in trajectories]
@@ -40,11 +39,11 @@ def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]) -> Rollou
     return source.rollout(batch_of(source, x, TIMES, tapes, counts=counts, corners=corners), 1)
 
 
-def both(scenario: Scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: str) -> tuple[Paths, Paths]:
+def both(scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: str) -> tuple[Paths, Paths]:
     problem = replace(scenario.problem, phi=phi)
     source = path_integral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
-    path = any_path(KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, Traits.of(problem)))
+    path = any_path(KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, Traits.of(problem), DISC, (0, 1)))
     source.backend = Cpu(loops(*path, 2), 1)
     return block, drawn(source, tree, counts).paths
 

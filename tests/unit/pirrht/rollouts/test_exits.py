@@ -6,7 +6,6 @@ from rooms import walled as room
 from scipy.special import erfcx
 from scipy.stats import kstest, norm
 
-from pirrht.arrays import Array
 from pirrht.geometry.disc import bridge, clearance, distances, sweep, towards_exit
 from pirrht.geometry.space import COLLISION, GOAL, INSIDE
 from pirrht.jit.jit import kernel
@@ -17,7 +16,7 @@ DRAWS = 20000
 ENDS = [(0.3, 0.5), (0.3, -0.2), (0.05, 0.4), (1.0, 0.0), (0.6, -1.5)]
 
 
-def shares(c0: float, c1: float, deviation: float = 1.0, count: int = DRAWS, seed: int = 1) -> Array:
+def shares(c0: float, c1: float, deviation: float = 1.0, count: int = DRAWS, seed: int = 1) -> np.ndarray:
     state, out = stream(np.uint64(seed), 0), np.empty(count)
     for i in range(count):
         state, out[i] = first_crossing(c0, c1, deviation, np.uint64(state))
@@ -34,7 +33,7 @@ def first_crossing_law(c0: float, c1: float, deviation: float):
     """P(share <= t | crossing): for Brownian motion from c0 > 0 to c1 <= 0 at time 1, by reflection at time t."""
     c1 = -abs(c1)  # an end on the near side is its mirror image
 
-    def law(t: Array) -> Array:
+    def law(t: np.ndarray) -> np.ndarray:
         t = np.clip(np.asarray(t, dtype=float), 1e-12, 1.0 - 1e-12)
         spread = deviation * np.sqrt(t * (1.0 - t))
         mean, mirrored = c0 + t * (c1 - c0), -c0 + t * (c1 + c0)
@@ -62,8 +61,8 @@ def _steps(arena, step, before, after, cov, weighed, state, outcome, share, last
 
 
 def bridges(
-    tail: Array, head: Array, variance: float, count: int = DRAWS, *, weighed: bool = False
-) -> tuple[Array, Array, Array]:
+    tail: np.ndarray, head: np.ndarray, variance: float, count: int = DRAWS, *, weighed: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Outcomes, shares and logarithms of survival of many isotropic steps with the same ends."""
     arena, step = room().world, (tuple(tail.tolist()), tuple(head.tolist()))
     before, after = distances(arena, step[0]), distances(arena, step[1])

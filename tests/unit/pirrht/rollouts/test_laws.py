@@ -14,7 +14,6 @@ from corners import START, cheapest, controller, passive_noise
 from guides import psi_around
 
 from pirrht import Controller
-from pirrht.arrays import Array
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.systems.rover import Rover
 
@@ -55,7 +54,7 @@ def test_within_few_steps_of_the_goal_psi_is_the_same_and_nearly_all_samples_are
     assert abs(law - passive) < 3.0 * np.hypot(error, other)
 
 
-def some_steps(guide: DDPGuide, count: int, **change: Array) -> DDPGuide:
+def some_steps(guide: DDPGuide, count: int, **change: np.ndarray) -> DDPGuide:
     """The first steps of a guide."""
     start = {name: getattr(guide, name)[:count] for name in ("modes", "gains", "share", "inverse", "volume")}
     ends = {name: getattr(guide, name)[: count + 1] for name in ("times", "states")}

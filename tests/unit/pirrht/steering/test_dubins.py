@@ -6,19 +6,18 @@ from discs import scene_of
 from windings_by_angle import turns_of_curve
 
 from pirrht import Dubins, FreeSpace, Unicycle
-from pirrht.arrays import Array
 from pirrht.geometry.arcs import TWO_PI, Curves, along
 
 CAR = Dubins(V=1.5, rho=0.8)
 R = CAR.radius
 
 
-def pairs(count: int, seed: int, span: float = 6.0) -> tuple[Array, Array]:
+def pairs(count: int, seed: int, span: float = 6.0) -> tuple[np.ndarray, np.ndarray]:
     rng, high = np.random.default_rng(seed), np.array([span, span, np.pi])
     return rng.uniform(-high, high, (count, 3)), rng.uniform(-high, high, (count, 3))
 
 
-def near_degenerate(count: int, seed: int) -> tuple[Array, Array]:
+def near_degenerate(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Headings on a grid, gaps that make circles touch, coincide or nearly so."""
     rng = np.random.default_rng(seed)
     tails = np.zeros((count, 3))
@@ -30,7 +29,7 @@ def near_degenerate(count: int, seed: int) -> tuple[Array, Array]:
     return tails, heads
 
 
-def ends(curves: Curves) -> Array:
+def ends(curves: Curves) -> np.ndarray:
     x, y, theta = curves.start.T.copy()
     for kappa, length in zip(curves.curvature.T, curves.length.T, strict=True):
         end = theta + kappa * length
@@ -41,14 +40,14 @@ def ends(curves: Curves) -> Array:
     return np.column_stack([x, y, theta])
 
 
-def wrapped(angle: Array) -> Array:
+def wrapped(angle: np.ndarray) -> np.ndarray:
     return np.angle(np.exp(1j * angle))
 
 
-def brute_force(tails: Array, heads: Array, eps: float) -> Array:
+def brute_force(tails: np.ndarray, heads: np.ndarray, eps: float) -> np.ndarray:
     """Least length over all words, in complex numbers; a word that is within `eps` of existing counts."""
 
-    def turn(angle: Array) -> Array:
+    def turn(angle: np.ndarray) -> np.ndarray:
         angle = np.mod(angle, TWO_PI)
         return np.where(angle > TWO_PI - eps, 0.0, angle)
 
@@ -74,7 +73,7 @@ def brute_force(tails: Array, heads: Array, eps: float) -> Array:
 
 
 @pytest.mark.parametrize("sample", [pairs(100_000, 1), pairs(20_000, 2, span=1.5), near_degenerate(20_000, 3)])
-def test_distance_is_the_least_over_all_words(sample: tuple[Array, Array]) -> None:
+def test_distance_is_the_least_over_all_words(sample: tuple[np.ndarray, np.ndarray]) -> None:
     tails, heads = sample
     length = CAR.distance(tails, heads) * CAR.V
     # The length jumps where a word ceases to exist; away from the jumps the two bounds are equal.
@@ -86,7 +85,7 @@ def test_distance_is_the_least_over_all_words(sample: tuple[Array, Array]) -> No
 
 
 @pytest.mark.parametrize("sample", [pairs(100_000, 4), pairs(20_000, 5, span=1.0), near_degenerate(20_000, 6)])
-def test_curves_reach_their_heads_at_the_stated_cost(sample: tuple[Array, Array]) -> None:
+def test_curves_reach_their_heads_at_the_stated_cost(sample: tuple[np.ndarray, np.ndarray]) -> None:
     tails, heads = sample
     curves = CAR.connect(tails, heads)
     gap = ends(curves) - heads
@@ -99,7 +98,7 @@ def test_curves_reach_their_heads_at_the_stated_cost(sample: tuple[Array, Array]
 
 
 @pytest.mark.parametrize("sample", [pairs(50_000, 7), near_degenerate(20_000, 8)])
-def test_distance_is_an_asymmetric_metric(sample: tuple[Array, Array]) -> None:
+def test_distance_is_an_asymmetric_metric(sample: tuple[np.ndarray, np.ndarray]) -> None:
     tails, heads = sample
     between = pairs(len(tails), 9)[0]
     length = CAR.distance(tails, heads) * CAR.V
@@ -157,7 +156,7 @@ def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> N
     assert best - 1e-5 <= short <= best * (1.0 + 1e-3)
 
 
-def fine(start: Array, curvature: Array, length: Array, spacing: float) -> Array:
+def fine(start: np.ndarray, curvature: np.ndarray, length: np.ndarray, spacing: float) -> np.ndarray:
     points, pose = [start[:2]], tuple(start)
     for kappa, total in zip(curvature, length, strict=True):
         steps = int(np.ceil(total / spacing))

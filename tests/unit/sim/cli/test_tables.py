@@ -1,7 +1,6 @@
 """Tables and lines of commands: classes, doubts about estimates, predicted motions, noise in its unit."""
 
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -14,7 +13,7 @@ from sim.scenario import prepare
 TEMPERATURE, VALUE = 0.1, 9.0
 
 
-def planned(scene: str) -> tuple[Any, Any]:
+def planned(scene: str):
     scenario = prepare(scene, given={"vertices": 200})
     return scenario, scenario.references(scenario.grown_tree())
 
@@ -44,7 +43,7 @@ def test_json_names_what_each_number_of_a_winding_stands_for(made):
     assert found["classes"][0]["bodies"] == classes_json(references, scenario.homology, scenario.names)[0]["bodies"]
 
 
-def estimate(*, ess: float = 100.0, heavy: bool = False, own: float = 100.0, weight: float = 1.0) -> Any:
+def estimate(*, ess: float = 100.0, heavy: bool = False, own: float = 100.0, weight: float = 1.0):
     """An estimate of one class that has so many effective samples, and such a weight."""
     weights = {"class_ess": {"0,0": own}, "class_weights": {"0,0": weight}}
     return SimpleNamespace(value=VALUE, ess=ess, doubtful=ess < 10.0, heavy_tailed=heavy, **weights)

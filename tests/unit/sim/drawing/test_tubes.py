@@ -7,8 +7,6 @@ import pytest
 from discs import block
 from moving import moved, oblique
 
-from pirrht.arrays import Array
-from pirrht.geometry.obstacle import Mover
 from pirrht.moving.collision import radius_of
 from pirrht.plotting.strokes import outline
 from pirrht.plotting.tuning import TUNING as PLOTTING
@@ -18,7 +16,7 @@ PATROL = moved("patrol", [(0, 1, 1, 0), (1, 3, 1, 2), (1.5, 3, 2, 2)], block("b"
 BODIES = [*oblique().movers, PATROL, replace(PATROL, motion=PATROL.motion.after(0.7))]
 
 
-def gap(ring: Array, true: Array) -> float:
+def gap(ring: np.ndarray, true: np.ndarray) -> float:
     """How far corners of a true outline are from a drawn one at most [m]."""
     ends = np.roll(ring, -1, axis=0)
     side = ends - ring
@@ -27,10 +25,9 @@ def gap(ring: Array, true: Array) -> float:
 
 
 @pytest.mark.parametrize("mover", BODIES)
-def test_a_tube_is_where_its_body_is_at_every_time(mover: Mover):
+def test_a_tube_is_where_its_body_is_at_every_time(mover):
     found = tubes(mover, 0.3, 7.0)
-    assert found[0].times[0] == 0.3
-    assert found[-1].times[-1] == 7.0
+    assert (found[0].times[0], found[-1].times[-1]) == (0.3, 7.0)
     tolerance = radius_of(mover.solids) * (2.0 - np.cos(np.pi / CORNERS) - np.cos(0.5 * TURN)) + 1e-6
     for time in np.random.default_rng(0).uniform(0.3, 7.0, 200):
         (tube,) = [one for one in found if one.times[0] <= time <= one.times[-1]]
@@ -50,8 +47,7 @@ def test_outlines_ahead_are_where_the_motion_leads_and_the_later_the_weaker():
     found = foreseen([mover], now)
     assert [one.after for one in found] == [0.0, *PLOTTING.moments]
     strengths = [one.strength for one in found]
-    assert strengths == sorted(strengths, reverse=True)
-    assert strengths[0] == 1.0
+    assert (strengths, strengths[0]) == (sorted(strengths, reverse=True), 1.0)
     assert min(strengths) > 0.1
     for one in found:
         (solid,) = mover.at(now + one.after)

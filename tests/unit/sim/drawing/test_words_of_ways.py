@@ -3,7 +3,6 @@
 from dataclasses import replace
 from itertools import permutations
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ def test_ways_are_named_by_the_sides_on_which_they_pass():
     }
 
 
-def random_classes(rng: np.random.Generator, static: int, moving: int) -> tuple[list[Any], Homology]:
+def random_classes(rng: np.random.Generator, static: int, moving: int):
     """Paths of different classes among random obstacles, some of which stand or share a name, and their homology."""
     markers, goal = rng.uniform(0.0, 6.0, (static, 2)), rng.uniform(5.0, 6.0, 2)
     movers = []
@@ -101,8 +100,7 @@ def test_one_class_alone_is_described_by_the_moving_obstacles():
 
 def test_without_obstacles_or_classes_there_is_nothing_to_say():
     found, homology = random_classes(np.random.default_rng(3), 0, 0)
-    assert passing(found, homology, ()) == [[]]
-    assert passing([], homology, ()) == []
+    assert (passing(found, homology, ()), passing([], homology, ())) == ([[]], [])
 
 
 def test_equal_names_and_names_that_look_numbered_stay_apart():

@@ -1,18 +1,15 @@
 """Real-time runs, on a clock that knows how long everything takes."""
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 import rerun as rr
 
+from pirrht import NoReference, Outcome, Plan
 from pirrht.arrays import Array
-from pirrht.control.plan import Plan
-from pirrht.errors import NoReference
 from pirrht.moving.collision import MovingObstacles
-from pirrht.outcome import Outcome
 from sim.cli import main
 from sim.drive import episode
 from sim.drive.episode import BEHIND, IDLE, MOST_PIECES, Clock, Planner
@@ -61,7 +58,7 @@ class FakePolicy:
     tree: Any = None
     run = None
 
-    def __init__(self, scenario: Scenario, clock: FakeClock, seconds: Callable[[int], float] = lambda i: 0.0) -> None:
+    def __init__(self, scenario: Scenario, clock: FakeClock, seconds=lambda i: 0.0) -> None:
         self.problem, self.space, self.homology = scenario.problem, scenario.space, scenario.homology
         self.clock, self.seconds = clock, seconds
 
@@ -74,7 +71,7 @@ class FakePolicy:
     def expect(self, states: Array, duration: float) -> None:
         self.elapsed.append(duration)
 
-    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
+    def plan(self, x: Array, left=None) -> Plan:
         i = len(self.made)
         if left is not None:
             self.made.append(x)
@@ -98,9 +95,7 @@ def frames_of(scenario: Scenario, policy: FakePolicy, periods: int):
     return episode.run(plant, policy, scenario.start, rng, max_time=periods * PERIOD, clock=policy.clock)
 
 
-def drive(
-    scenario: Scenario, seconds: Callable[[int], float], periods: int = 6
-) -> tuple[list[Frame], FakePolicy, dict[str, Any]]:
+def drive(scenario: Scenario, seconds, periods: int = 6) -> tuple[list[Frame], FakePolicy, dict[str, Any]]:
     policy = FakePolicy(scenario, FakeClock(), seconds)
     frames = list(frames_of(scenario, policy, periods))
     return frames, policy, frames[-1].metrics.json()
@@ -177,7 +172,7 @@ class Growing:
     def __init__(self, clock: FakeClock) -> None:
         self.size, self._clock = 10, clock
 
-    def grow(self, size: int, enough: Callable[[int], bool] | None = None) -> None:
+    def grow(self, size: int, enough=None) -> None:
         while self.size < size and not (enough and enough(self.size)):
             self._clock.wait(self._clock.now() + 0.003)
             self.size += 1

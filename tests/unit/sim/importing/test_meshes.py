@@ -5,7 +5,6 @@ COLLADA files give the triangles that Gazebo draws: units and nodes count, the u
 
 import sys
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -147,9 +146,7 @@ def test_meshes_too_intricate_are_hulls_that_are_reported(tmp_path):
 def test_a_box_is_found_from_its_corners_in_any_order(sizes, turn, order):
     rotation = Rotation.from_euler("xyz", turn).as_matrix()
     local = np.array(list(product((-1.0, 1.0), repeat=3)))[order] * sizes
-    found = as_box(local @ rotation.T + [3, 2, 1])
-    assert found is not None
-    pose, half = found
+    pose, half = as_box(local @ rotation.T + [3, 2, 1])
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
     again = np.array(list(product((-1.0, 1.0), repeat=3))) * half @ pose[:3, :3].T + pose[:3, 3]
     gaps = np.linalg.norm(again[:, None] - (local @ rotation.T + [3, 2, 1]), axis=2)
@@ -213,7 +210,7 @@ def document(primitive: str = QUADS, nodes: str = "", unit: str = "1", corners: 
     return DOCUMENT.format(unit=unit, geometries=geometries, scene=SCENE.format(nodes) if nodes else "")
 
 
-def read(tmp_path: Path, text: str) -> np.ndarray:
+def read(tmp_path, text: str) -> np.ndarray:
     (tmp_path / "a.dae").write_text(text)
     return read_collada(tmp_path / "a.dae")
 

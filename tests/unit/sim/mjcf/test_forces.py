@@ -1,7 +1,5 @@
 """Robots that are driven by forces, and what of them is refused in one line."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mjcf_samples import ROBOT, refusal, robot_mjcf
@@ -14,7 +12,7 @@ MOTORS = '<motor name="x" joint="x"/>\n    <motor name="y" joint="y"/>'
 SERVOS = '<velocity name="x" joint="x" kv="500"/><velocity name="y" joint="y" kv="500"/>'
 
 
-def robot(folder: Path, *pairs: tuple[str, str], name: str = "robots/hover") -> Path:
+def robot(folder, *pairs: tuple[str, str], name: str = "robots/hover"):
     """A copy of a built-in file with parts of its text replaced."""
     text, path = (models_folder() / f"{name}.xml").read_text(), folder / "machine.xml"
     for old, new in pairs:

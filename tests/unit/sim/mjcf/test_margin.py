@@ -4,13 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 from mjcf_samples import refusal, robot_mjcf
-from plants import QUIET, WALL, scene_file
+from plants import scene_file
 
+from pirrht import Outcome
 from pirrht.geometry.collision import Collision
-from pirrht.outcome import Outcome
-from pirrht.problem import Problem
-from pirrht.systems.single_integrator import SingleIntegrator
-from sim.drive.executor import Executor
 from sim.mjcf import Loaded, load, robot_names
 from sim.scenario import prepare
 
@@ -42,15 +39,6 @@ def test_a_robot_whose_footprint_has_its_mass_keeps_it_and_a_scene_says_its_marg
     np.testing.assert_array_equal(*(model.body_inertia for model in found))
     said = '<custom><numeric name="pirrht_margin" data="0.15"/></custom>'
     assert load(scene_file(tmp_path, option=said)).scene.robot_radius == pytest.approx(0.25)
-
-
-def test_it_drives_into_the_room_that_plans_keep_and_collides_where_it_is_itself(tmp_path):
-    loaded = load(scene_file(tmp_path, world=WALL), margin=0.2)
-    problem = Problem(dynamics=SingleIntegrator(b=QUIET), scene=loaded.scene, R=2.0 * np.eye(2))
-    plant = Executor(loaded, problem, period=1.3)
-    end = plant.advance(lambda x, s: np.array([0.5, 0.0]), np.random.default_rng(0))
-    assert end.outcome is Outcome.COLLISION
-    assert end.states[-2, 0] <= 0.5 + 1e-9 < end.states[-1, 0] + 2e-9
 
 
 ROOM = """<mujoco><worldbody>{}

@@ -17,8 +17,7 @@ def test_slit_is_read_as_it_is_written(robot):
     np.testing.assert_allclose([*scene.lower, *scene.upper], [0, 0, 6, 5])
     np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], [5.5, 2.5, 0.3])
     np.testing.assert_allclose(scene.start, [1, 2.5, 0])
-    assert scene.defaults["noise"] == 0.1
-    assert scene.defaults["limit"] == 0.6
+    assert (scene.defaults["noise"], scene.defaults["limit"]) == (0.1, 0.6)
     assert scene.defaults["max-time"] == 30
     assert loaded.command.shape == (loaded.model.nu, 3 if robot == "car" else 2)
     assert not np.any(loaded.obstacle_geoms & loaded.robot_geoms)
@@ -96,8 +95,7 @@ def test_nested_and_rotated_shapes_stand_where_mujoco_has_them(write):
     ],
 )
 def test_an_obstacle_is_what_would_collide_at_the_height_of_the_robot(write, geom, counts):
-    loaded = load(write(mjcf(SITES + f"<geom {geom}/>")), robot="puck")
-    assert len(loaded.scene.obstacles) == counts
+    assert len(load(write(mjcf(SITES + f"<geom {geom}/>")), robot="puck").scene.obstacles) == counts
 
 
 @pytest.mark.parametrize("robot", robot_names())

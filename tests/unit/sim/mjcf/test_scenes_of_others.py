@@ -1,8 +1,5 @@
 """Scenes that were made for another robot: what moves is welded or left out, and all that is in the way is named."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
@@ -37,7 +34,7 @@ TASK = """<mujoco model="task"><compiler angle="degree" fusestatic="true"/>
 
 
 @pytest.fixture
-def task(write: Callable[..., Path]) -> Path:
+def task(write):
     return write(TASK.format(sites=SITES))
 
 

@@ -1,13 +1,12 @@
 """Bodies in a recording: what is drawn only changes no motion, a script makes the meshes, nothing is at the origin."""
 
 import runpy
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 import trimesh
-from drives import Drive
+from drives import Drive, logged
 from repository import ROOT
 from rerun.chunk import RrdReader
 
@@ -18,7 +17,7 @@ DRAWN = ["unicycle", "car", "rover", "diffdrive", "puck", "hover"]
 MESHES = models_folder() / "robots" / "meshes"
 
 
-def bare(path: Path) -> mujoco.MjSpec:
+def bare(path) -> mujoco.MjSpec:
     """A robot without what is drawn only."""
     spec = mujoco.MjSpec.from_file(str(path))
     for geom in [g for g in spec.geoms if g.classname.name != "main" and not (g.contype or g.conaffinity)]:
@@ -68,9 +67,7 @@ def test_geoms_of_a_body_are_in_its_own_frame():
 
 def test_whoever_reads_a_recording_from_its_beginning_never_sees_the_robot_at_the_origin(tmp_path):
     drive, file = Drive(), tmp_path / "a.rrd"
-    with drive.recorder(file) as recorder:
-        for frame in drive.frames(0.02):
-            recorder.log(frame)
+    logged(drive.recorder(file), drive.frames(0.02))
     order = [
         chunk.entity_path
         for chunk in RrdReader(str(file)).stream()

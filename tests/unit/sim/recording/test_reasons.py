@@ -143,5 +143,4 @@ def test_the_page_tells_of_a_fallback_and_of_too_few_samples(planned):
     assert page(mppi, [], 1.25).startswith("**At 1.25 s: blocked, no sample survived; the last controls go on.**")
     weak = replace(plan, estimate=replace(plan.estimate, ess=3.0))
     assert "Only 3.0 effective samples: a guess" in page(weak, list(found.values()), 0.0)
-    known = replace(lost, fallback=None, exact=8.5)
-    assert "Exact value 8.50" in page(known, [], 0.0)
+    assert "Exact value 8.50" in page(replace(lost, fallback=None, exact=8.5), [], 0.0)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drives import Drive, columns
+from drives import Drive, columns, logged
 from rerun.chunk import RrdReader
 
 from pirrht.exact.desirability import Desirability
@@ -70,9 +70,8 @@ def test_a_recording_with_a_truth_has_the_floor_and_exact_shares(solved, tmp_pat
     drive, file = Drive(), tmp_path / "a.rrd"
     integral = drive.controller.path_integral
     look, settings = Look(truth=True), {"scene": "slit", "seed": 0, "method": "pi-rrht"}
-    with Recorder(drive.loaded, drive.tree, integral, Sinks(file=file), look, settings=settings, grid=grid) as recorder:
-        for frame in drive.frames(0.02, grid=grid):
-            recorder.log(frame)
+    recorder = Recorder(drive.loaded, drive.tree, integral, Sinks(file=file), look, settings=settings, grid=grid)
+    logged(recorder, drive.frames(0.02, grid=grid))
     static = {chunk.entity_path for chunk in RrdReader(str(file)).stream() if chunk.is_static}
     assert stage.VALUE in static
     assert "| exact |" in columns(file)["/why/page"]["TextDocument:text"][0][0]

@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from repository import environment
 from sweep_samples import failed, record
 
 from pirrht.errors import OptionError
-from sim.cli import main
 from sim.sweeps import dataset as module
 from sim.sweeps.dataset import Dataset, wished
 from sim.sweeps.parts import COLUMNS
@@ -38,7 +36,7 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def dataset(tmp_path: Path, clock: Clock) -> Dataset:
+def dataset(tmp_path, clock: Clock) -> Dataset:
     known = Dataset(tmp_path / "sweep", clock)
     known.begin(SETTINGS, SCENES, ASKED)
     return known
@@ -70,8 +68,7 @@ def test_rows_are_written_when_their_time_has_come_and_in_files_of_their_own(dat
     assert seeds(dataset) == [0, 1]
     for seed in range(2, 2 + module.CHUNK_RUNS):
         dataset.add(record(seed))
-    assert len(dataset.files()) == 2
-    assert len(dataset.records()) == module.CHUNK_RUNS + 2
+    assert (len(dataset.files()), len(dataset.records())) == (2, module.CHUNK_RUNS + 2)
 
 
 def test_a_run_that_is_in_two_files_counts_once_as_in_the_last_until_one_file_holds_all(dataset):
@@ -82,8 +79,7 @@ def test_a_run_that_is_in_two_files_counts_once_as_in_the_last_until_one_file_ho
     found = dataset.records()
     assert sorted(found, key=lambda r: r["seed"]) == [record(0, cost=99.0), record(1), failed(2), record(3)]
     dataset.compact()
-    assert len(dataset.files()) == 1
-    assert dataset.records() == found
+    assert (len(dataset.files()), dataset.records()) == (1, found)
 
 
 def test_files_of_others_are_never_overwritten(dataset, clock):
@@ -182,14 +178,10 @@ ODD = [
 
 @pytest.mark.parametrize("change", ODD, ids=str)
 @pytest.mark.parametrize("command", ["report", "sweep slit --seeds 0:1 --vertices 60 --max-time 0.02 -o"])
-def test_an_odd_manifest_costs_one_line_and_status_2(dataset, capsys, change, command):
+def test_an_odd_manifest_costs_one_line_and_status_2(dataset, refused, change, command):
     known = {**json.loads(dataset.file.read_text()), **change}
     dataset.file.write_text(json.dumps({name: value for name, value in known.items() if value is not None}))
-    assert main([*command.split(), str(dataset.folder)]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "manifest.json is damaged: " in error
-    assert next(iter(change)) in error
+    refused([*command.split(), str(dataset.folder)], "manifest.json is damaged: ", next(iter(change)))
 
 
 def test_a_folder_has_one_writer_at_a_time_and_a_dead_one_keeps_nobody_out(tmp_path):
@@ -198,7 +190,6 @@ def test_a_folder_has_one_writer_at_a_time_and_a_dead_one_keeps_nobody_out(tmp_p
     holder = subprocess.Popen(
         [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()
     )
-    assert holder.stdout is not None
     assert holder.stdout.readline() == b"in\n"
     with pytest.raises(OptionError, match="another sweep is writing"), Dataset(tmp_path).locked():
         pass
