@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray
+from pirrht.errors import SceneError
 from pirrht.geometry.collision import Collision, touches
+from pirrht.geometry.scene import Scene, Waiver
 from pirrht.geometry.shapes import PROBE, distance_from, offset_from, square_to
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import borrowing, kernel
@@ -140,30 +144,51 @@ class HullCollision(Collision):
         """Return whether the robot touches nothing at poses (k, 3), or its inscribed disc at places (k, 2), (k,)."""
         return super().free(points) if points.shape[1] == 2 else np.asarray(self.clearance(points) > 0.0)
 
-    def bisect_free(self, position: Callable[[float], Array], length: float) -> bool:
-        """Return whether a curve of poses (3,) or places (2,) is free; the heading turns to one side along it."""
-        reach = self.footprint.reach
+    def bisect_free(self, pose: Callable[[float], Array], length: float, curvature: float = 0.0) -> bool:
+        """Return whether an arc of a curvature [1/m] is free; `pose` takes an arc length [m] to x, y and heading."""
+        speed = 1.0 + self.footprint.reach * abs(curvature)
+        return self._free(pose, length, speed)
+
+    def _free(self, pose: Callable[[float], Array], length: float, speed: float) -> bool:
+        """Return whether a motion is free, on which no point moves faster than `speed` [m per unit of its length]."""
 
         def clear(s: float) -> float:
-            return float(self.clearance(position(s)[None])[0])
+            return float(self.clearance(pose(s)[None, :3])[0])
 
-        def approach(a: float, b: float) -> float:
-            return b - a + reach * float(np.abs(position(b) - position(a))[2:].sum())
-
-        return not touches(clear, approach, length, slack=TUNING.rounding)
+        return not touches(clear, lambda a, b: speed * (b - a), length, slack=TUNING.rounding)
 
     def turn_free(self, pose: Array, turn: float) -> bool:
         """Return whether a turn [rad] on the spot from a pose (3,) is free, all headings between included."""
-        turned = pose[2] + turn, pose[2]
-        stands = [np.array([*pose[:2], th]) for th in turned]
-        return self.bisect_free(lambda s: stands[1] + s * (stands[0] - stands[1]), 1.0)
+        return self._free(lambda s: pose + np.array([0.0, 0.0, s * turn]), 1.0, self.footprint.reach * abs(turn))
 
     def segments_free(self, tails: Array, heads: Array, more: float = 0.0) -> BoolArray:
         """Return whether straight pieces from tails to heads, 2 x (k, 2) [m], are free, headed along them, (k,)."""
         free = super().segments_free(tails, heads, more)
         for k in np.flatnonzero(free):
             span = heads[k] - tails[k]
-            pose = np.append(tails[k], math.atan2(span[1], span[0]))
-            ahead = np.array([math.cos(pose[2]), math.sin(pose[2]), 0.0])
-            free[k] = self.bisect_free(lambda s, pose=pose, ahead=ahead: pose + s * ahead, float(np.hypot(*span)))  # type: ignore[misc]
+            heading = math.atan2(span[1], span[0])
+            begun, ahead = np.append(tails[k], heading), np.array([math.cos(heading), math.sin(heading), 0.0])
+            free[k] = self.bisect_free(partial(_ahead, begun, ahead), float(np.hypot(*span)))
         return free
+
+    def fitted(self, scene: Scene) -> Scene:
+        """Return the scene with less safety margin around a start at whose pose there is no room for all of it.
+
+        SceneError: the robot touches an obstacle at the start, at its heading.
+        """
+        x, y, heading = scene.start.tolist()
+        clear = float(self.clearance(scene.start[None])[0])
+        if clear > 0.0:
+            return scene
+        body = clear + scene.margin
+        if body <= 0.0:
+            raise SceneError(
+                f"{scene.name}: the start ({x:g}, {y:g}) is in collision at its heading of {heading:g} rad for "
+                f"{scene.body} (it lacks {-body:.3g} m); move or turn it, or choose a smaller footprint"
+            )
+        disc = TUNING.turning_reach * scene.footprint.reach
+        return replace(scene, waivers=(*scene.waivers, Waiver(x, y, disc, scene.margin - 0.5 * body)))
+
+
+def _ahead(pose: Array, ahead: Array, s: float) -> Array:
+    return pose + s * ahead

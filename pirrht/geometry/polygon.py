@@ -1,394 +1,499 @@
-"""Compute the clearance of a convex footprint at a place and heading, from the field of distances of points.
+"""Free space of a convex footprint that turns with the heading: a member of `SpaceKernels`, by discs that cover it.
 
-Discs cover the footprint (`footprint.cover`), and its clearance is the least of theirs, never too high. Circles around
-groups of discs bound them from below, in a tree: most places far from walls need one look at the field, those near walls
-a few. A row of the tree is a circle; rows below it follow, up to the row that it says is next.
+The clearance at a pose (x, y, heading) is the least of that of all discs of a cover, never too high. A circle around
+the reference point holds them all, and a few larger discs cover it less tightly: far from walls their clearance will do.
+Walls are flat in (x, y, heading), with a part for the heading that is the lever of the disc they are next to.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE, point_along
+from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.blocks import build_field
+from pirrht.geometry.certify import certificates
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.disc import enter_goal, may_meet
+from pirrht.geometry.disc import rim as planar_rim
 from pirrht.geometry.field import Field, border, closest, interpolate, with_slope
 from pirrht.geometry.footprint import Footprint, cover
 from pirrht.geometry.scene import Workspace
+from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, LEAST_STEP, NEVER, UNSURE, SpaceKernels
 from pirrht.geometry.tuning import TUNING
-from pirrht.geometry.world import NEVER
-from pirrht.jit.jit import inlined, kernel, load_float32, load_float64
-from pirrht.jit.streams import MIN_VARIANCE, SIDEWAYS, survival
+from pirrht.jit.jit import borrowing, inlined, kernel, load_float32, load_float64
+from pirrht.jit.streams import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival, uniform
 
 APART_COSINE = TUNING.apart_cosine
-LEAST_STEP = TUNING.least_step
-FIELDS = 4  # numbers of a row: place x, y in the robot's frame [m], radius beyond the field's [m], the next row
+ROW = 4  # numbers of a row: place x, y of a disc in the robot's frame, radius, and how far it reaches from there [m]
+NOWHERE = np.float32(1e6)  # clearance of a wall that is not there [m]
+UNIT = np.float32(1.0)
+NIL = np.float32(0.0)
 
 
 class PolygonNumbers(NamedTuple):
-    """A footprint among static obstacles, as numbers that kernels can take cheaply."""
+    """A footprint among static obstacles, as numbers that kernels take cheaply.
 
-    field: Field  # clearance of a disc as small as the least of the cover; its border is the workspace's
-    rows: int  # address of float64 (size, FIELDS)
-    size: int
-    beyond: float  # radius of the circle around all, beyond the field's [m]
+    Radii are those beyond that of the least disc, whose clearance the field holds.
+    """
+
+    field: Field  # its border is that of the workspace, its grid reaches further
+    rows: int  # address of float64 (size, ROW): a coarse cover, then a tight one, discs that reach farthest first
+    coarse: int  # rows of the coarse cover
+    size: int  # rows of both
+    beyond: float  # radius of the circle around all discs [m]
+    within: float  # radius of the footprint's inscribed disc [m]
     reach: float  # of the footprint: a turn moves its points by at most so much per radian [m/rad]
-    exact: float  # a clearance of less than this is the least of all discs' [m], a greater one that of the circle
-    excess: float  # by which a disc reaches beyond the footprint at most [m]
-    within: float  # inscribed radius of the footprint, beyond the field's [m]
+    exact: float  # up to this clearance discs count, above it the circle around them does [m]
+    near: float  # up to this clearance of the coarse cover the tight one counts [m]
+    excess: float  # by which a disc of the tight one reaches beyond the footprint at most [m]
     spacing: float  # of the field [m]
 
 
 class Polygon(PolygonNumbers):
     """`PolygonNumbers` together with the array that their address points to."""
 
-    table: Array  # (size, FIELDS)
-    discs: Array  # (k, 3) of the cover: x, y, radius [m]
+    table: Array  # (size, ROW)
 
     @classmethod
     def of(
-        cls, world: Workspace, footprint: Footprint, members: list[int], excess: float = TUNING.excess
+        cls, world: Workspace, footprint: Footprint, members: Sequence[int], excess: float = TUNING.excess
     ) -> Polygon:
-        """Cover a footprint by discs that reach `excess` [m] beyond it at most, and sample the field of the least.
+        """Cover a footprint with at most `excess` [m], and sample the clearance of the least disc.
 
-        `members` are the indices of the obstacles that count. SceneError: the workspace is too large for such a field.
+        `members` are the indices of the obstacles that count. SceneError: the workspace is too large for the field.
         """
-        discs = cover(footprint, TUNING.cover_share * excess)
-        least = float(discs[:, 2].min())
-        out = float(np.hypot(discs[:, 0], discs[:, 1]).max())
-        wide = Workspace(world.lower - out, world.upper + out, world.obstacles, world.waivers)
+        tight = cover(footprint, TUNING.cover_share * excess)
+        coarse = cover(footprint, TUNING.coarse_cover * excess)
+        least = float(tight[:, 2].min())
+        rows = [_rows_of(discs, least) for discs in (coarse, tight)]
+        most = float(rows[0][0, 3]) + least
+        wide = Workspace(world.lower - most, world.upper + most, world.obstacles, world.waivers)
         collision = Collision(wide, Footprint.disc(least, height=footprint.height))
-        whole = build_field(collision, members, cells=TUNING.cells_per_disc, band=TUNING.cover_band)
-        border = dict(zip(("left", "low", "right", "high"), (*world.lower, *world.upper), strict=True))
-        field = whole._replace(**border)
+        cells = max(TUNING.cells_per_disc, least / (TUNING.grain * excess))
+        sure = footprint.inscribed - least + TUNING.sure * excess
+        whole = build_field(collision, members, cells=cells, fine=sure)
+        left, low = world.lower.tolist()
+        right, high = world.upper.tolist()
+        field = whole._replace(left=left, low=low, right=right, high=high)
         field.arrays, field.blocks = whole.arrays, whole.blocks
-        table = tree_of(discs, least)
-        numbers = table.ctypes.data, len(table), table[0, 2], footprint.reach
-        sizes = TUNING.exact_reach * footprint.reach, TUNING.cover_share * excess, footprint.inscribed - least
-        made = cls(field, *numbers, *sizes, field.spacing)
-        made.table, made.discs = table, discs
-        return made
+
+        table = np.concatenate(rows)
+        polygon = cls(
+            field=field, rows=table.ctypes.data, coarse=len(coarse), size=len(table), beyond=most - least,
+            within=footprint.inscribed - least, reach=footprint.reach, exact=TUNING.exact_reach * footprint.reach,
+            near=TUNING.tight * excess, excess=TUNING.cover_share * excess, spacing=field.spacing,
+        )  # fmt: skip
+        polygon.table = table
+        return polygon
+
+    def set_back(self, distance: float) -> Polygon:
+        """Return the space with all walls, the border included, moved back by a distance [m]."""
+        moved = self._replace(field=self.field.set_back(distance))
+        moved.table = self.table
+        return moved
+
+    @property
+    def kernels(self) -> SpaceKernels:
+        """Return the kernels that read it."""
+        return POLYGON
 
 
-def tree_of(discs: Array, least: float) -> Array:
-    """Arrange discs (k, 3) in a tree of circles, (rows, FIELDS); radii are those beyond the least one [m]."""
-    rows: list[list[float]] = []
-
-    def add(some: Array, centre: Array) -> None:
-        if len(some) == 1:
-            rows.append([some[0, 0], some[0, 1], some[0, 2] - least, len(rows) + 1])
-            return
-        around = (np.hypot(*(some[:, :2] - centre).T) + some[:, 2]).max()
-        row = [*centre, around * (1.0 + 1e-12) - least, 0.0]
-        rows.append(row)
-        axis = int(np.argmax(np.ptp(some[:, :2], axis=0)))
-        order = np.argsort(some[:, axis], kind="stable")
-        halves = [some[order[: len(some) // 2]], some[order[len(some) // 2 :]]]
-        for half in sorted(halves, key=lambda half: -half[:, 2].max()):
-            add(half, 0.5 * (half[:, :2].min(axis=0) + half[:, :2].max(axis=0)))
-        row[3] = len(rows)
-
-    add(discs, np.zeros(2))
-    return np.array(rows, dtype=float)
+def _rows_of(discs: Array, least: float) -> Array:
+    """Return rows of discs (k, 3), those that reach farthest first, with radii beyond the least one [m], (k, ROW)."""
+    reaches = np.hypot(discs[:, 0], discs[:, 1]) + discs[:, 2]
+    rows = np.column_stack((discs[:, :2], discs[:, 2] - least, reaches - least))
+    return np.ascontiguousarray(rows[np.argsort(-reaches, kind="stable")])
 
 
 @inlined
-def _row(polygon, k, x, y, c, s):  # type: ignore[no-untyped-def]
-    """Return the place (x, y) of a row at a pose [m], its radius beyond the field's [m], and the next row."""
-    a = load_float64(polygon.rows, FIELDS * k)
-    b = load_float64(polygon.rows, FIELDS * k + 1)
-    following = int(load_float64(polygon.rows, FIELDS * k + 3))
+def _disc(static, k, x, y, c, s):  # type: ignore[no-untyped-def]
+    """Return where disc k is at a pose of heading (c, s), its place relative to (x, y), and its radius [m]."""
+    a = load_float64(static.rows, ROW * k)
+    b = load_float64(static.rows, ROW * k + 1)
+    dx = c * a - s * b
+    dy = s * a + c * b
 
-    return x + c * a - s * b, y + s * a + c * b, load_float64(polygon.rows, FIELDS * k + 2), following
+    return x + dx, y + dy, dx, dy, load_float64(static.rows, ROW * k + 2)
 
 
 @kernel
-def nearest_disc(polygon, x, y, th, within):  # type: ignore[no-untyped-def]
-    """Return the least clearance of all discs from obstacles, if less than `within` [m], and its row; else this, -1."""
+def nearest_disc(static, begin, x, y, th, far, within):  # type: ignore[no-untyped-def]
+    """Return the least clearance of a cover from obstacles, if less than `within` [m], and its row; else this, -1.
+
+    Its rows `begin` at 0, of the coarse cover, or where that ends.
+
+    `far` is the clearance of the least disc at (x, y); another place is not nearer to walls by more than its distance.
+    """
     c, s = math.cos(th), math.sin(th)
-    best, at, k = within, -1, 0
-    while k < polygon.size:
-        px, py, radius, following = _row(polygon, k, x, y, c, s)
-        value = interpolate(polygon.field, polygon.field.nearest, px, py) - radius
-        if value >= best:
-            k = following
-            continue
-        if following == k + 1:
+    best, at = within, -1
+    for k in range(begin, static.size if begin else static.coarse):
+        if far - load_float64(static.rows, ROW * k + 3) >= best:
+            break
+        px, py, _, _, radius = _disc(static, k, x, y, c, s)
+        value = interpolate(static.field, static.field.nearest, px, py) - radius
+        if value < best:
             best, at = value, k
-        k += 1
     return best, at
 
 
 @inlined
-def place(polygon, at):  # type: ignore[no-untyped-def]
-    """Return a lower bound of the clearance at a position (x, y), whatever the heading [m]."""
-    edge = border(polygon.field, at[0], at[1])
-    if edge <= 0.0:
-        return edge
-    return min(edge, interpolate(polygon.field, polygon.field.nearest, at[0], at[1]) - polygon.beyond)
-
-
-@inlined
-def clearance(polygon, pose):  # type: ignore[no-untyped-def]
-    """Return a lower bound of the clearance at a pose [m]; the border bounds the reference point."""
+def _from_obstacles(static, pose, within):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the clearance from obstacles at a pose inside the border, of less than `within` [m]."""
     x, y, th = pose
-    edge = border(polygon.field, x, y)
-    if edge <= 0.0:
-        return edge
-    far = interpolate(polygon.field, polygon.field.nearest, x, y) - polygon.beyond
-    if far >= min(edge, polygon.exact):
-        return min(edge, far)
-    return nearest_disc(polygon, x, y, th, edge)[0]
+    far = interpolate(static.field, static.field.nearest, x, y)
+    if far - static.beyond >= min(within, static.exact):
+        return min(within, far - static.beyond)
+    return _of_covers(static, x, y, th, far, within)
 
 
 @kernel
-def clearances(polygon, poses, out):  # type: ignore[no-untyped-def]
+def _of_covers(static, x, y, th, far, within):  # type: ignore[no-untyped-def]
+    coarse, _ = nearest_disc(static, 0, x, y, th, far, within)
+    return coarse if coarse >= static.near else nearest_disc(static, static.coarse, x, y, th, far, within)[0]
+
+
+@inlined
+def clearance(static, pose):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the clearance at a pose [m]; the border bounds the reference point."""
+    edge = border(static.field, pose[0], pose[1])
+    return edge if edge <= 0.0 else _from_obstacles(static, pose, edge)
+
+
+@inlined
+def place(static, at):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the clearance at a place (x, y), whatever the heading [m]."""
+    edge = border(static.field, at[0], at[1])
+    if edge <= 0.0:
+        return edge
+    return min(edge, interpolate(static.field, static.field.nearest, at[0], at[1]) - static.beyond)
+
+
+@kernel
+def clearances(static, poses, out):  # type: ignore[no-untyped-def]
     """Write the clearance at poses (k, 3) to out (k,) [m]."""
     for k in range(len(poses)):
-        out[k] = clearance(polygon, (poses[k, 0], poses[k, 1], poses[k, 2]))
+        out[k] = clearance(static, (poses[k, 0], poses[k, 1], poses[k, 2]))
 
 
 @inlined
-def _lever(polygon, k, c, s, nx, ny):  # type: ignore[no-untyped-def]
-    """Return by how much the clearance of a row's disc grows per turn [m/rad] where it grows along (nx, ny)."""
-    a = load_float64(polygon.rows, FIELDS * k)
-    b = load_float64(polygon.rows, FIELDS * k + 1)
+def apart(static, one, other):  # type: ignore[no-untyped-def]
+    """Tell whether two directions are those of two walls: 60 degrees apart, turns counted by the reach."""
+    per = 1.0 / (static.reach * static.reach)
+    along = one[0] * other[0] + one[1] * other[1] + per * one[2] * other[2]
+    square = one[0] * one[0] + one[1] * one[1] + per * one[2] * one[2]
+    square *= other[0] * other[0] + other[1] * other[1] + per * other[2] * other[2]
 
-    return nx * (-s * a - c * b) + ny * (c * a - s * b)
-
-
-@inlined
-def _apart(g, h, reach):  # type: ignore[no-untyped-def]
-    """Tell whether two gradients (x, y, heading) are more than 60 degrees apart, turns counted by the reach."""
-    along = g[0] * h[0] + g[1] * h[1] + g[2] * h[2] / (reach * reach)
-    one = g[0] * g[0] + g[1] * g[1] + g[2] * g[2] / (reach * reach)
-    other = h[0] * h[0] + h[1] * h[1] + h[2] * h[2] / (reach * reach)
-
-    return along <= 0.0 or along * along < APART_COSINE * APART_COSINE * one * other
+    return along <= 0.0 or along * along < APART_COSINE * APART_COSINE * square
 
 
 @inlined
-def _of_disc(polygon, grid, k, px, py, radius, c, s):  # type: ignore[no-untyped-def]
-    """Return the clearance of a row's disc in a grid of the field [m] and its gradient (x, y, heading)."""
-    d, nx, ny = with_slope(polygon.field, grid, px, py)
-    size = math.sqrt(nx * nx + ny * ny + 1e-12)
-    nx, ny = nx / size, ny / size
+def _wall_of(static, grid, k, x, y, c, s):  # type: ignore[no-untyped-def]
+    """Return the clearance of disc k from a wall in a grid of the field [m], and its direction; -1: of all in a circle."""
+    px, py, dx, dy, radius = (x, y, 0.0, 0.0, static.beyond) if k < 0 else _disc(static, k, x, y, c, s)
+    d, gx, gy = with_slope(static.field, grid, px, py)
+    square = gx * gx + gy * gy
+    if square > 2.0:  # steeper than a distance can be: another wall takes over
+        return NOWHERE, (NIL, NIL, NIL)
+    per = 1.0 / math.sqrt(square + 1e-12)
+    nx = per * gx
+    ny = per * gy
 
-    return d - radius, (nx, ny, _lever(polygon, k, c, s, nx, ny))
+    return np.float32(d - radius), (np.float32(nx), np.float32(ny), np.float32(ny * dx - nx * dy))
 
 
 @inlined
-def _with_wall(walls, value, slope, reach):  # type: ignore[no-untyped-def]
-    """Return the two nearest of two walls and another one, which counts as second if it is apart from the first."""
+def _with(static, walls, c, direction):  # type: ignore[no-untyped-def]
+    """Return the nearest two of two walls and another; the second is apart from the first."""
     first, one, second, other = walls
-    if value < first:
-        return (value, slope, first, one) if _apart(slope, one, reach) else (value, slope, second, other)
-    if value < second and _apart(slope, one, reach):
-        return first, one, value, slope
+    if c < first:
+        return (c, direction, first, one) if apart(static, direction, one) else (c, direction, second, other)
+    if c < second and apart(static, one, direction):
+        return first, one, c, direction
     return walls
 
 
 @kernel
-def two_walls(polygon, pose):  # type: ignore[no-untyped-def]
-    """Return the two nearest walls at a pose, border included: clearance [m] and its gradient (x, y, heading), each.
+def walls_of(static, begin, pose):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls of a cover at a pose, border included, each as clearance [m] and direction.
 
-    The second is the nearest whose gradient points elsewhere: another wall, or the same one met by another corner.
+    The second is another wall, or the first as another corner of the footprint meets it.
     """
     x, y, th = pose
+    field = static.field
     c, s = math.cos(th), math.sin(th)
-    field = polygon.field
-    left, right = x - field.left, field.right - x
-    low, high = y - field.low, field.high - y
+    left, right = np.float32(x - field.left), np.float32(field.right - x)
+    low, high = np.float32(y - field.low), np.float32(field.high - y)
 
-    aside = (1.0 if left < right else -1.0, 0.0, 0.0)
-    ahead = (0.0, 1.0 if low < high else -1.0, 0.0)
-    walls = (min(left, right), aside, np.inf, (0.0, 0.0, 0.0))
-    walls = _with_wall(walls, min(low, high), ahead, polygon.reach)
-
-    _, at = nearest_disc(polygon, x, y, th, np.inf)
-    px, py, radius, _ = _row(polygon, at, x, y, c, s)
-    value, slope = _of_disc(polygon, field.nearest, at, px, py, radius, c, s)
-    walls = _with_wall(walls, value, slope, polygon.reach)
-    k = 0
-    while k < polygon.size:
-        px, py, radius, following = _row(polygon, k, x, y, c, s)
-        if interpolate(field, field.nearest, px, py) - radius >= walls[2]:
-            k = following
-            continue
-        k += 1
-        if following == k:
-            value, slope = _of_disc(polygon, field.nearest, k - 1, px, py, radius, c, s)
-            walls = _with_wall(walls, value, slope, polygon.reach)
-            value, slope = _of_disc(polygon, field.second, k - 1, px, py, radius, c, s)
-            walls = _with_wall(walls, value, slope, polygon.reach)
-    return walls
+    found = (NOWHERE, (NIL, NIL, NIL), NOWHERE, (NIL, NIL, NIL))
+    found = _with(static, found, min(left, right), (UNIT if left < right else -UNIT, NIL, NIL))
+    found = _with(static, found, min(low, high), (NIL, UNIT if low < high else -UNIT, NIL))
+    far = interpolate(field, field.nearest, x, y)
+    if far - static.beyond >= static.exact:  # so far away the footprint counts as the circle around it
+        for grid in (field.nearest, field.second):
+            d, direction = _wall_of(static, grid, -1, x, y, c, s)
+            found = _with(static, found, d, direction)
+        return found
+    _, at = nearest_disc(static, begin, x, y, th, far, np.inf)
+    for grid in (field.nearest, field.second):
+        d, direction = _wall_of(static, grid, at, x, y, c, s)
+        found = _with(static, found, d, direction)
+    for k in range(begin, static.size if begin else static.coarse):
+        if far - load_float64(static.rows, ROW * k + 3) >= found[2]:
+            break
+        px, py, _, _, radius = _disc(static, k, x, y, c, s)
+        if interpolate(field, field.nearest, px, py) - radius < found[2]:
+            d, direction = _wall_of(static, field.nearest, k, x, y, c, s)
+            found = _with(static, found, d, direction)
+    return found
 
 
 @kernel
-def surely_blocked(polygon, pose):  # type: ignore[no-untyped-def]
-    """Tell whether the footprint itself meets an obstacle at a pose for sure, or its reference point the border."""
-    x, y, th = pose
-    if border(polygon.field, x, y) <= 0.0:
-        return True
-    c, s = math.cos(th), math.sin(th)
-    _, at = nearest_disc(polygon, x, y, th, np.inf)
-    px, py, radius, _ = _row(polygon, at, x, y, c, s)
-    point, dx, dy, width = closest(polygon.field, px, py)
-
-    away = load_float32(polygon.field.nearest, point) + math.sqrt(dx * dx + dy * dy) + width
-    return away - radius + polygon.excess < 0.0
+def walls(static, pose):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls at a pose, border included, by the tight cover where one is near (`walls_of`)."""
+    found = walls_of(static, 0, pose)
+    return found if found[0] >= static.near else walls_of(static, static.coarse, pose)
 
 
-@kernel
-def certify(polygon, pose):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for one pose."""
-    if clearance(polygon, pose) > 0.0:
-        return FREE
-    return BLOCKED if surely_blocked(polygon, pose) else UNSURE
+@borrowing
+def near(static, pose, within, out):  # type: ignore[no-untyped-def]
+    """Write those of the two nearest walls that are nearer than `within` [m]; return how many."""
+    c, one, d, other = walls(static, pose)
+    count = 0
+    for k in range(2):
+        away, direction = (c, one) if k == 0 else (d, other)
+        if away < within:
+            out[count, 0] = away
+            for j in range(3):
+                out[count, 1 + j] = direction[j]
+            count += 1
+    return count
 
 
-@kernel
-def certify_place(polygon, at):  # type: ignore[no-untyped-def]
-    """Return FREE for a position (x, y) that is free at any heading, BLOCKED for one at none, or UNSURE."""
-    if place(polygon, at) > 0.0:
-        return FREE
-    if border(polygon.field, at[0], at[1]) <= 0.0:
+@inlined
+def refused(static, pose):  # type: ignore[no-untyped-def]
+    """Return BLOCKED for a pose at which a disc inside the footprint meets an obstacle for sure, else UNSURE."""
+    if border(static.field, pose[0], pose[1]) <= 0.0:
         return BLOCKED
-    point, dx, dy, width = closest(polygon.field, at[0], at[1])
-    away = load_float32(polygon.field.nearest, point) + math.sqrt(dx * dx + dy * dy) + width
-    return BLOCKED if away < polygon.within else UNSURE
+    return _refused(static, pose[0], pose[1], pose[2])
 
 
 @kernel
-def certify_arc(polygon, pose, curvature, length, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for an arc [1/m, m] from a pose, with the footprint's heading along it.
+def _refused(static, x, y, th):  # type: ignore[no-untyped-def]
+    far = interpolate(static.field, static.field.nearest, x, y)
+    _, at = nearest_disc(static, static.coarse, x, y, th, far, np.inf)
+    px, py, _, _, radius = _disc(static, at, x, y, math.cos(th), math.sin(th))
+    return BLOCKED if _farthest(static, px, py) < radius - static.excess else UNSURE
 
-    A point of the footprint moves at most 1 + reach |curvature| for each meter of the arc.
-    """
-    x, y, th = pose
-    ux, uy = math.cos(th), math.sin(th)
-    speed = 1.0 + polygon.reach * abs(curvature)
-    s, verdict = 0.0, FREE
-    while True:
-        px, py = point_along(x, y, th, ux, uy, curvature, s)
-        here = px, py, th + curvature * s
-        free = clearance(polygon, here)
-        if free < LEAST_STEP:
-            if surely_blocked(polygon, here):
-                return BLOCKED
-            if not patient:
-                return UNSURE
-            verdict, free = UNSURE, 0.5 * polygon.spacing
-        if s >= length:
-            return verdict
-        s = min(s + free / speed, length)
+
+@inlined
+def _farthest(static, x, y):  # type: ignore[no-untyped-def]
+    """Return an upper bound of the clearance of the least disc at (x, y), by the nearest grid point [m]."""
+    at, dx, dy, width = closest(static.field, x, y)
+    return load_float32(static.field.nearest, at) + math.sqrt(dx * dx + dy * dy) + width
 
 
 @kernel
-def certify_turn(polygon, pose, turn, patient=True):  # type: ignore[no-untyped-def]
+def certify_place(static, at):  # type: ignore[no-untyped-def]
+    """Return FREE for a place (x, y) that is free at any heading, BLOCKED for one at none, or UNSURE."""
+    if place(static, at) > 0.0:
+        return FREE
+    blocked = border(static.field, at[0], at[1]) <= 0.0 or _farthest(static, at[0], at[1]) < static.within
+    return BLOCKED if blocked else UNSURE
+
+
+@kernel
+def certify_turn(static, pose, turn, patient=True):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for a turn [rad] on the spot from a pose, all headings between included."""
-    x, y, th = pose
     angle, verdict = 0.0, FREE
     while True:
-        here = x, y, th + math.copysign(angle, turn)
-        free = clearance(polygon, here)
-        if free < LEAST_STEP:
-            if surely_blocked(polygon, here):
+        here = (pose[0], pose[1], pose[2] + math.copysign(angle, turn))
+        c = clearance(static, here)
+        if c < LEAST_STEP:
+            if refused(static, here) == BLOCKED:
                 return BLOCKED
             if not patient:
                 return UNSURE
-            verdict, free = UNSURE, 0.5 * polygon.spacing
+            verdict, c = UNSURE, 0.5 * static.spacing
         if angle >= abs(turn):
             return verdict
-        angle = min(angle + free / polygon.reach, abs(turn))
-
-
-@kernel
-def certify_piece(polygon, tail, head, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a straight piece between two positions (x, y) [m], headed along it."""
-    dx, dy = head[0] - tail[0], head[1] - tail[1]
-    length = math.sqrt(dx * dx + dy * dy)
-    return certify_arc(polygon, (tail[0], tail[1], math.atan2(dy, dx)), 0.0, length, patient)
-
-
-@kernel
-def certify_curve(polygon, start, curvature, length, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m], with the heading along it."""
-    x, y = start[0], start[1]
-    th, verdict = start[2], FREE
-    for p in range(length.shape[0]):
-        piece = certify_arc(polygon, (x, y, th), curvature[p], length[p], patient)
-        if piece == BLOCKED or (piece == UNSURE and not patient):
-            return piece
-        verdict = min(verdict, piece)
-        x, y = point_along(x, y, th, math.cos(th), math.sin(th), curvature[p], length[p])
-        th += curvature[p] * length[p]
-    return verdict
-
-
-@kernel
-def first_contact(polygon, pose, moved, bend, clear):  # type: ignore[no-untyped-def]
-    """Return the share of a step from one pose to another at which a wall is met, or NEVER, and the clearance then.
-
-    The heading turns evenly; the place runs along an arc next to its chord that turns by `bend` [rad]. No wall is
-    nearer to the start than `clear` [m].
-    """
-    x, y, th = pose
-    dx, dy, turn = moved[0] - x, moved[1] - y, moved[2] - th
-    speed = math.sqrt((dx * dx + dy * dy) * (1.0 + 0.25 * bend * bend)) + polygon.reach * abs(turn)
-    if speed < clear:
-        return NEVER, clear - speed
-    share, bow = max(clear, 0.0) / max(speed, 1e-300), 0.5 * bend
-    while True:
-        aside = bow * share * (1.0 - share)
-        free = clearance(polygon, (x + share * dx + aside * dy, y + share * dy - aside * dx, th + share * turn))
-        if free <= 0.0:
-            return share, 0.0
-        if share >= 1.0:
-            return NEVER, free
-        share = min(1.0, share + max(free, 0.1 * polygon.spacing) / max(speed, 1e-300))
+        angle = min(angle + c / static.reach, abs(turn))
 
 
 @inlined
-def variance_along(slope, cov):  # type: ignore[no-untyped-def]
-    """Return g S g' of a gradient (x, y, heading) and a covariance S as (xx, xy, xt, yy, yt, tt)."""
-    gx, gy, gt = slope
-    xx, xy, xt, yy, yt, tt = cov
-    return max(
-        gx * gx * xx + 2.0 * gx * gy * xy + gy * gy * yy + 2.0 * gt * (gx * xt + gy * yt) + gt * gt * tt, MIN_VARIANCE
-    )
+def extent(static, change):  # type: ignore[no-untyped-def]
+    """Return how far a change of pose moves any point of the footprint at most [m]."""
+    return math.sqrt(change[0] * change[0] + change[1] * change[1]) + static.reach * abs(change[2])
+
+
+@inlined
+def spread(static, cov, line):  # type: ignore[no-untyped-def]
+    """Return the most variance of a clearance [m^2]."""
+    aside = math.sqrt(cov[0] + cov[3] if line else max(cov[0], cov[3]) + abs(cov[1]))
+    return (aside + static.reach * math.sqrt(cov[5])) ** 2
+
+
+@inlined
+def variance_along(direction, cov):  # type: ignore[no-untyped-def]
+    """Return g S g' [m^2] of a direction g and the covariance S of a pose."""
+    gx, gy, gt = direction
+    planar = gx * gx * cov[0] + 2.0 * gx * gy * cov[1] + gy * gy * cov[3]
+    return max(planar + 2.0 * gt * (gx * cov[2] + gy * cov[4]) + gt * gt * cov[5], MIN_VARIANCE)
 
 
 @kernel
-def log_survival(polygon, before, after, cov):  # type: ignore[no-untyped-def]
-    """Return the log of the probability that a noisy step between two poses meets no wall [nats].
+def facing(static, pose, cov):  # type: ignore[no-untyped-def]
+    """Return the clearance at a pose over the share of noise, of a covariance, that a wall faces [m]."""
+    c, one, d, other = walls(static, pose)
+    most = max(spread(static, cov, True), MIN_VARIANCE)
+    near_one = c / math.sqrt(max(variance_along(one, cov) / most, SIDEWAYS))
+    return min(near_one, d / math.sqrt(max(variance_along(other, cov) / most, SIDEWAYS)))
 
-    The two nearest walls are flat in (x, y, heading), and each counts with the noise towards it.
 
-    Args: `before` and `after` (x, y, heading); `cov` as of `variance_along`.
+@inlined
+def goal_gap(world, pose):  # type: ignore[no-untyped-def]
+    """Return the distance of the reference point from the goal's rim, negative inside [m]."""
+    return math.sqrt((pose[0] - world.goal[0]) ** 2 + (pose[1] - world.goal[1]) ** 2) - world.radius
+
+
+@inlined
+def distances(world, pose):  # type: ignore[no-untyped-def]
+    """Return the clearance from obstacles, that from the border, and the distance to the goal's rim [m]."""
+    edge = border(world.static.field, pose[0], pose[1])
+    free = edge if edge <= 0.0 else _from_obstacles(world.static, pose, np.inf)
+    return free, edge, goal_gap(world, pose)
+
+
+@kernel
+def end(world, pose):  # type: ignore[no-untyped-def]
+    """Return INSIDE, GOAL or COLLISION at the end of a step, by the pose alone."""
+    if clearance(world.static, pose) <= 0.0:
+        return COLLISION
+    return GOAL if goal_gap(world, pose) <= 0.0 else INSIDE
+
+
+@inlined
+def sweep(world, pose, moved, turn=0.0, clear=0.0):  # type: ignore[no-untyped-def]
+    """Judge how a step from one pose to another without position noise ends, by certified clearances.
+
+    The place runs along an arc next to its chord, which turns [rad], and enters the goal along the chord; the heading
+    changes evenly. No wall is nearer to the start than `clear` [m].
+    Returns: INSIDE or the Outcome, share of the step until the exit, and what is clear at its end, as far as is known.
     """
-    c0, one, d0, other = two_walls(polygon, before)
-    c1, same, d1, _ = two_walls(polygon, after)
-    if min(c0, c1) <= 0.0:
-        return -np.inf
-    first, second = variance_along(one, cov), variance_along(other, cov)
-    if _apart(one, same, polygon.reach):  # another wall is nearest now
+    dx = moved[0] - pose[0]
+    dy = moved[1] - pose[1]
+    arc = math.sqrt((dx * dx + dy * dy) * (1.0 + 0.25 * turn * turn))
+    whole = arc + world.static.reach * abs(moved[2] - pose[2])
+    reach = arc + world.radius
+    if whole < clear and (world.goal[0] - pose[0]) ** 2 + (world.goal[1] - pose[1]) ** 2 > reach * reach:
+        return INSIDE, 1.0, clear - whole
+    return _march(world, pose, moved, whole, turn, clear)
+
+
+@kernel
+def _march(world, pose, moved, whole, turn, clear):  # type: ignore[no-untyped-def]
+    x, y, th = pose
+    dx = moved[0] - x
+    dy = moved[1] - y
+    length = math.sqrt(dx * dx + dy * dy)
+    until = 0.0 if goal_gap(world, pose) <= 0.0 else NEVER
+    if until == NEVER and length > 0.0:
+        entry = entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, world.goal[0], world.goal[1], world.radius)
+        until = min(entry / length, NEVER)
+    stop = min(1.0, until)
+    share = min(stop, clear / max(whole, 1e-300))
+    while True:
+        aside = 0.5 * turn * share * (1.0 - share)
+        here = (x + share * dx + aside * dy, y + share * dy - aside * dx, th + share * (moved[2] - th))
+        c = clearance(world.static, here)
+        if c <= 0.0:
+            return COLLISION, share, 0.0
+        if share >= stop:
+            break
+        share = min(stop, share + max(c, 0.5 * world.static.excess) / max(whole, 1e-300))
+    return (GOAL, until, 0.0) if until < NEVER else (INSIDE, 1.0, c)
+
+
+@kernel
+def _survival(static, pose, moved, after, cov):  # type: ignore[no-untyped-def]
+    """Return the probability that a bridge misses the two nearest walls, and its variance towards the nearest [m^2]."""
+    c0, one, d0, other = walls_of(static, static.coarse, pose)
+    first = variance_along(one, cov)
+    if after <= 0.0:
+        return 0.0, first
+    c1, same, d1, _ = walls_of(static, static.coarse, moved)
+    if apart(static, one, same):  # another wall is nearest now
         c1, d1 = d1, c1
-    alive = survival(c0, c1, first) * survival(d0, d1, second)
-    return math.log(alive) if alive > 0.0 else -np.inf
+    return survival(c0, c1, first) * survival(d0, d1, variance_along(other, cov)), first
 
 
 @kernel
-def facing(polygon, pose, cov):  # type: ignore[no-untyped-def]
-    """Return the clearance at a pose over the share of noise, of a covariance as of `variance_along`, towards it [m].
+def _meet_walls(static, pose, moved, before, after, cov, weighed, state):  # type: ignore[no-untyped-def]
+    """Draw the next state, the share of a step at which a bridge meets a wall or NEVER, and log P(none)."""
+    if after > 0.0:
+        _, one, _, other = walls_of(static, 0, pose)
+        most = max(variance_along(one, cov), variance_along(other, cov))
+        if not may_meet(before, after, TUNING.coarse_noise * FAR * most):
+            return state, NEVER, 0.0
+    alive, variance = _survival(static, pose, moved, after, cov)
+    if weighed and alive > 0.0:
+        return state, NEVER, math.log(alive)
+    u = 1.0
+    if not weighed:
+        state, u = uniform(state)
+    if u < alive:
+        return state, NEVER, 0.0
+    state, share = first_crossing(max(before, MIN_VARIANCE), after, math.sqrt(variance), state)
+    return state, share, 0.0
 
-    The share is that of the deviation with which a point of the footprint moves at most.
+
+@kernel
+def bridge(world, pose, moved, before, after, cov, weighed, state, line=False):  # type: ignore[no-untyped-def]
+    """Judge how a noisy step ends: walls are flat in (x, y, heading), and meet the noise of the disc next to them.
+
+    Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the log of the
+        probability that it met no wall [nats].
     """
-    c, one, d, other = two_walls(polygon, pose)
-    most = cov[0] + cov[3] + polygon.reach * polygon.reach * cov[5]
-    near = c / math.sqrt(max(variance_along(one, cov) / most, SIDEWAYS))
-    return min(near, d / math.sqrt(max(variance_along(other, cov) / most, SIDEWAYS)))
+    (c0, e0, g0), (c1, e1, g1) = before, after
+    c0 = min(c0, e0)
+    c1 = min(c1, e1)
+    change = (moved[0] - pose[0], moved[1] - pose[1], moved[2] - pose[2])
+    chord = math.sqrt(change[0] * change[0] + change[1] * change[1])
+    past_wall = c1 > 0.0 and c0 + c1 < extent(world.static, change)
+    past_rim = g1 > 0.0 and g0 + g1 < chord
+    if past_wall or past_rim:
+        exit, share, _ = sweep(world, pose, moved)
+        share = max(share, 1e-9)
+        c1 = c0 * (1.0 - 1.0 / share) if past_wall and exit == COLLISION else c1
+        g1 = g0 * (1.0 - 1.0 / share) if past_rim and exit == GOAL else g1
+    wall_time, goal_time, lasting = NEVER, NEVER, 0.0
+    if may_meet(c0, c1, FAR * spread(world.static, cov, line)):
+        state, wall_time, lasting = _meet_walls(world.static, pose, moved, c0, c1, cov, weighed, state)
+    planar = (cov[0], cov[1], cov[3])
+    if may_meet(g0, g1, FAR * (cov[0] + cov[3])):
+        step = (pose[0], pose[1], moved[0], moved[1])
+        state, goal_time = enter_goal(world, step, g0, g1, planar, line, state)
+    if goal_time == NEVER and wall_time == NEVER:
+        return state, INSIDE, 1.0, lasting
+    if goal_time <= wall_time:
+        return state, GOAL, goal_time, goal_time * lasting
+    return state, COLLISION, wall_time, 0.0
+
+
+@inlined
+def rim(world, pose, cov):  # type: ignore[no-untyped-def]
+    """Return the direction of noise along a line, how far along it the goal's rim is [m], and whether it is one."""
+    return planar_rim(world, (pose[0], pose[1]), (cov[0], cov[1], cov[3]))
+
+
+certify, certify_piece, certify_curve = certificates(clearance, refused, True)
+
+POLYGON = SpaceKernels(
+    position=2, turns=True, isotropic=False, near_most=2, clearance=clearance, place=place, walls=walls, near=near,
+    distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep, bridge=bridge, end=end, exit=None,
+    rim=rim, certify=certify, certify_place=certify_place, certify_piece=certify_piece, certify_curve=certify_curve,
+)  # fmt: skip
