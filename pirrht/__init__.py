@@ -28,7 +28,7 @@ _NAMES = {
     "estimation.assembly": "path_integral", "estimation.estimate": "Estimate",
     "estimation.risk": "CollisionProbability collision_probability", "estimation.sampler": "PathIntegral",
     "estimation.sampling": "Sampling", "exact.desirability": "Desirability Optimal", "freespace": "FreeSpace",
-    "geometry.scene": "Goal Kind Obstacle Scene", "outcome": "Outcome", "planner.references": "Reference",
+    "geometry.footprint": "Footprint", "geometry.scene": "Goal Kind Obstacle Scene", "outcome": "Outcome", "planner.references": "Reference",
     "planner.limits": "grown_tree",
     "planner.tree": "HomologyTree", "problem": "Problem", "steering.dubins": "Dubins", "steering.motion": "Trajectory",
     "steering.steering": "Steering", "steering.straight_line": "StraightLine", "systems.dynamics": "Dynamics",
