@@ -214,5 +214,5 @@ def test_a_polygon_needs_a_heading_and_free_room_at_the_start_for_that_heading()
         Problem(scene=Scene.from_boxes([], start=(0.6, 1.4), **room), dynamics=SingleIntegrator(b=0.1), R=np.eye(2))
     wall = [[0.0, 0.0, 4.0, 1.0]]
     assert FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 0.0), **room)).static.kernels.turns
-    with pytest.raises(SceneError, match="in collision at its heading of 1.5"):
+    with pytest.raises(SceneError, match="at its heading"):
         FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 1.5), **room))
