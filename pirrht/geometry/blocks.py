@@ -95,7 +95,7 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float, fine: f
 def _sampled(
     collision: Collision, members: Sequence[int], width: float, points: Array, fine: float | None
 ) -> tuple[Arrays, BoolArray]:
-    """Sample blocks of points (k, nx, ny, 2) [m] so far apart [m], refined up to a clearance; None: they are the finest.
+    """Sample blocks of points (k, nx, ny, 2) [m] so far apart [m]. `fine` as of `build_field`; None: none is finer.
 
     Returns: clearances that are never too high and labels; cells (k, nx - 1, ny - 1) too wide for the walls in them.
     """

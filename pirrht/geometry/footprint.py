@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.checks import number

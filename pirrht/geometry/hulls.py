@@ -104,8 +104,11 @@ def _from_hull(solids, m, height, corners, halvings):  # type: ignore[no-untyped
 
 
 @kernel
-def hull_distances(solids, members, hull, reach, poses, height, out):  # type: ignore[no-untyped-def]
-    """Write distances from the nearest of the members to a hull (l, 2) at poses (k, 3), a height [m], out (k,)."""
+def hull_distances(solids, members, hull, farthest, poses, height, out):  # type: ignore[no-untyped-def]
+    """Write distances from the nearest of the members to a hull (l, 2) at poses (k, 3), a height [m], out (k,).
+
+    No corner is farther from the reference point than `farthest` [m].
+    """
     corners = np.empty(hull.shape)
     for i in range(len(poses)):
         x, y, th = poses[i]
@@ -114,7 +117,7 @@ def hull_distances(solids, members, hull, reach, poses, height, out):  # type: i
             corners[k, 1] = y + math.sin(th) * hull[k, 0] + math.cos(th) * hull[k, 1]
         best = math.inf
         for m in members:
-            if square_to(solids.low, solids.high, m, x, y) < (best + reach) ** 2:
+            if square_to(solids.low, solids.high, m, x, y) < (best + farthest) ** 2:
                 best = min(best, _from_hull(solids, m, height, corners, TUNING.edge_halvings))
         out[i] = best
 
@@ -132,9 +135,7 @@ class HullCollision(Collision):
         body = self.footprint
         away = np.empty(len(points))
         poses = np.ascontiguousarray(points, dtype=float)
-        hull_distances(
-            self._solids, self._every, body.hull, body.reach - body.rounding, poses, body.height, away
-        )
+        hull_distances(self._solids, self._every, body.hull, body.reach - body.rounding, poses, body.height, away)
         places = points[:, :2]
         eased = self._eased(away - body.rounding + body.radius, places) - body.radius
         border = np.minimum(places - self.world.lower, self.world.upper - places).min(axis=-1)

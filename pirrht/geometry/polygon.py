@@ -1,7 +1,7 @@
 """Free space of a convex footprint that turns with the heading: a member of `SpaceKernels`, by discs that cover it.
 
 The clearance at a pose (x, y, heading) is the least of that of all discs of a cover, never too high. A circle around
-the reference point holds them all, and a few larger discs cover it less tightly: far from walls their clearance will do.
+the reference point holds them all, and a few larger discs cover it less tightly: far from walls their clearance does.
 Walls are flat in (x, y, heading), with a part for the heading that is the lever of the disc they are next to.
 """
 
@@ -45,7 +45,7 @@ class PolygonNumbers(NamedTuple):
     rows: int  # address of float64 (size, ROW): a coarse cover, then a tight one, discs that reach farthest first
     coarse: int  # rows of the coarse cover
     size: int  # rows of both
-    beyond: float  # radius of the circle around all discs [m]
+    around: float  # radius of the circle around all discs [m]
     within: float  # radius of the footprint's inscribed disc [m]
     reach: float  # of the footprint: a turn moves its points by at most so much per radian [m/rad]
     exact: float  # up to this clearance discs count, above it the circle around them does [m]
@@ -84,7 +84,7 @@ class Polygon(PolygonNumbers):
 
         table = np.concatenate(rows)
         polygon = cls(
-            field=field, rows=table.ctypes.data, coarse=len(coarse), size=len(table), beyond=most - least,
+            field=field, rows=table.ctypes.data, coarse=len(coarse), size=len(table), around=most - least,
             within=footprint.inscribed - least, reach=footprint.reach, exact=TUNING.exact_reach * footprint.reach,
             near=TUNING.tight * excess, excess=TUNING.cover_share * excess, spacing=field.spacing,
         )  # fmt: skip
@@ -146,8 +146,8 @@ def _from_obstacles(static, pose, within):  # type: ignore[no-untyped-def]
     """Return a lower bound of the clearance from obstacles at a pose inside the border, of less than `within` [m]."""
     x, y, th = pose
     far = interpolate(static.field, static.field.nearest, x, y)
-    if far - static.beyond >= min(within, static.exact):
-        return min(within, far - static.beyond)
+    if far - static.around >= min(within, static.exact):
+        return min(within, far - static.around)
     return _of_covers(static, x, y, th, far, within)
 
 
@@ -170,7 +170,7 @@ def place(static, at):  # type: ignore[no-untyped-def]
     edge = border(static.field, at[0], at[1])
     if edge <= 0.0:
         return edge
-    return min(edge, interpolate(static.field, static.field.nearest, at[0], at[1]) - static.beyond)
+    return min(edge, interpolate(static.field, static.field.nearest, at[0], at[1]) - static.around)
 
 
 @kernel
@@ -193,8 +193,8 @@ def apart(static, one, other):  # type: ignore[no-untyped-def]
 
 @inlined
 def _wall_of(static, grid, k, x, y, c, s):  # type: ignore[no-untyped-def]
-    """Return the clearance of disc k from a wall in a grid of the field [m], and its direction; -1: of all in a circle."""
-    px, py, dx, dy, radius = (x, y, 0.0, 0.0, static.beyond) if k < 0 else _disc(static, k, x, y, c, s)
+    """Return the clearance of disc k, or if -1 of all, from a wall in a grid of the field [m], and its direction."""
+    px, py, dx, dy, radius = (x, y, 0.0, 0.0, static.around) if k < 0 else _disc(static, k, x, y, c, s)
     d, gx, gy = with_slope(static.field, grid, px, py)
     square = gx * gx + gy * gy
     if square > 2.0:  # steeper than a distance can be: another wall takes over
@@ -233,7 +233,7 @@ def walls_of(static, begin, pose):  # type: ignore[no-untyped-def]
     found = _with(static, found, min(left, right), (UNIT if left < right else -UNIT, NIL, NIL))
     found = _with(static, found, min(low, high), (NIL, UNIT if low < high else -UNIT, NIL))
     far = interpolate(field, field.nearest, x, y)
-    if far - static.beyond >= static.exact:  # so far away the footprint counts as the circle around it
+    if far - static.around >= static.exact:  # so far away the footprint counts as the circle around it
         for grid in (field.nearest, field.second):
             d, direction = _wall_of(static, grid, -1, x, y, c, s)
             found = _with(static, found, d, direction)

@@ -20,6 +20,7 @@ from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.geometry.tuning import TUNING
 
 ROUNDING = TUNING.rounding
+NO_FOOTPRINT = Footprint()  # a disc of the robot's radius
 
 __all__ = ["ROUNDING", "Footprint", "Goal", "Kind", "Obstacle", "Scene", "SceneTask", "Workspace"]
 
@@ -142,7 +143,7 @@ class Scene:
     margin: float = 0.0
     narrow: tuple[Waiver, ...] = ()
     waivers: tuple[Waiver, ...] = ()
-    footprint: Footprint = Footprint()
+    footprint: Footprint = NO_FOOTPRINT
 
     def __repr__(self) -> str:
         across, up = self.upper - self.lower
@@ -160,7 +161,7 @@ class Scene:
         self._check_parts()
         of = f"{self.name}: the "
         shape = self.footprint
-        if not shape.is_disc or not self.robot_radius:
+        if not shape.is_disc or (isinstance(self.robot_radius, float) and not self.robot_radius and shape.rounding):
             object.__setattr__(self, "robot_radius", shape.inscribed)
         measured = {
             "lower": numbers(self.lower, (2,), f"{of}least corner of the workspace", "x, y [m]"),
@@ -272,7 +273,7 @@ class Scene:
     def _of(
         cls, obstacles: tuple[Obstacle, ...], lower: ArrayLike, upper: ArrayLike, *, start: ArrayLike,
         goal: Goal | ArrayLike, robot_radius: float = 0.0, robot_height: float = TUNING.robot_height,
-        footprint: Footprint = Footprint(), name: str = "scene",
+        footprint: Footprint = NO_FOOTPRINT, name: str = "scene",
     ) -> Scene:  # fmt: skip
         if not isinstance(goal, Goal):
             x, y, radius = numbers(goal, (3,), "the goal", "x, y, radius [m]")

@@ -158,18 +158,20 @@ def exits(kind: KernelSpec) -> Any:
         return exit, share, (before, room)
 
     @part
-    def on_swing(setup, tables, scratch, dt, rates, room, ahead, state):  # type: ignore[no-untyped-def]
+    def on_swing(setup, tables, scratch, dt, rates, clear, ahead, state):  # type: ignore[no-untyped-def]
         """Judge a step whose noise turns the footprint on its way: exit, share, log probability that no wall was met.
 
-        `room` is what is clear before it, `ahead` after it, as far as is known.
+        `clear` [m] is free before it, `ahead` after it, as far as is known.
         """
         cov = scaled(rates, dt)
-        if min(room, ahead) > 0.0 and 2.0 * room * ahead > FAR * spread(setup.world.static, cov, False):
+        if min(clear, ahead) > 0.0 and 2.0 * clear * ahead > FAR * spread(setup.world.static, cov, False):
             return state, INSIDE, 1.0, 0.0
         here = pose(scratch.x)
         there = pose(scratch.moved)
         before = distances(setup.world, here)
-        return bridge(setup.world, here, there, before, distances(setup.world, there), cov, tables.weighed, state, False)
+        return bridge(
+            setup.world, here, there, before, distances(setup.world, there), cov, tables.weighed, state, False
+        )
 
     @part
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]

@@ -11,8 +11,8 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.obstacle import Mover
 from pirrht.jit.jit import as_tuple, kernel
 from pirrht.topology.crossings import Cuts, spread, straight_turns
 from pirrht.topology.moving_crossings import NO_RAYS, MarkerTable, RayTable, crossings_of_leg

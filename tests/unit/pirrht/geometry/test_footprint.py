@@ -4,7 +4,7 @@ import fcl
 import numpy as np
 import pytest
 
-from pirrht import Footprint, Scene, SceneError
+from pirrht import Footprint, FreeSpace, OptionError, Problem, Scene, SceneError, SingleIntegrator
 from pirrht.geometry import blocks, solids
 from pirrht.geometry.collision import solid_of
 from pirrht.geometry.footprint import cover, depths, placed
@@ -100,7 +100,9 @@ def test_discs_of_a_cover_contain_the_polygon_and_reach_no_more_than_the_excess_
 
 @pytest.mark.parametrize("dense", [True, False])
 @pytest.mark.parametrize("shape", [CART, HEXAGON, WEDGE], ids=repr)
-def test_no_clearance_is_unsafe_by_fcl_nor_off_by_more_than_a_centimetre_where_walls_are_near(shape: Footprint, dense: bool, monkeypatch):
+def test_no_clearance_is_unsafe_by_fcl_nor_off_by_more_than_a_centimetre_where_walls_are_near(
+    shape: Footprint, dense: bool, monkeypatch
+):
     world = clutter(3)
     poses = poses_in(world, 2000, 7)
     if not dense:
@@ -114,7 +116,9 @@ def test_no_clearance_is_unsafe_by_fcl_nor_off_by_more_than_a_centimetre_where_w
     near, farther = (true > 0.0) & (true < 0.05), (true > 0.0) & (true < 0.1)
     off = true - quick
     assert near.sum() > 40
-    assert -1e-7 <= off[true > 0.0].min() and off[near].max() <= 0.01 and off[farther].max() <= 0.031
+    assert off[true > 0.0].min() >= -1e-7
+    assert off[near].max() <= 0.01
+    assert off[farther].max() <= 0.031
     verdicts = np.array([POLYGON.certify(polygon, tuple(pose)) for pose in poses.tolist()])
     assert not np.any((verdicts == BLOCKED) & ~contact)
 
@@ -123,10 +127,13 @@ def test_a_pole_thinner_than_a_finger_is_met_wherever_it_is_in_the_footprint():
     lattice = np.stack(np.meshgrid(np.linspace(-0.39, 0.59, 50), np.linspace(-0.19, 0.19, 20)), axis=-1).reshape(-1, 2)
     world = Workspace(np.zeros(2), np.full(2, SIDE), solids.discs([[2.5, 2.5, 0.003]], 0.5))
     polygon, heading = Polygon.of(world, CART, [0]), 0.7
-    poses = np.append(np.array([2.5, 2.5]) - placed(lattice, np.array([0.0, 0.0, heading])), np.full((1000, 1), heading), 1)
+    poses = np.append(
+        np.array([2.5, 2.5]) - placed(lattice, np.array([0.0, 0.0, heading])), np.full((1000, 1), heading), 1
+    )
     out = np.empty(len(poses))
     clearances(polygon, poses, out)
-    assert out.max() <= 0.0 and HullCollision(world, CART).clearance(poses).max() <= 0.0
+    assert out.max() <= 0.0
+    assert HullCollision(world, CART).clearance(poses).max() <= 0.0
 
 
 def test_the_direction_of_a_wall_is_the_gradient_of_the_clearance():
@@ -141,7 +148,8 @@ def test_the_direction_of_a_wall_is_the_gradient_of_the_clearance():
             clearances(polygon, pose - step, behind)
             checked += 1
             off += bool(np.abs((ahead - behind) / 2e-4 - np.array(direction)).max() > 0.15)
-    assert checked > 30 and off <= 0.02 * checked
+    assert checked > 30
+    assert off <= 0.02 * checked
 
 
 @pytest.mark.parametrize("kind", ["arc", "turn", "sweep"])
@@ -191,8 +199,20 @@ def test_a_noisy_step_survives_next_to_a_wall_as_often_as_its_fine_steps_do():
     simulated, survived, before = float((least > between).mean()), 0.0, POLYGON.distances(arena, tuple(pose))
     for end in now:
         after = POLYGON.distances(arena, tuple(end))
-        *_, exit, _, lasting = POLYGON.bridge(arena, tuple(pose), tuple(end), before, after, cov, True, np.uint64(1), False)
+        *_, exit, _, lasting = POLYGON.bridge(
+            arena, tuple(pose), tuple(end), before, after, cov, True, np.uint64(1), False
+        )
         survived += float(np.exp(lasting)) / many if exit == INSIDE else 0.0
     assert 0.2 < simulated < 0.95
     assert survived == pytest.approx(simulated, abs=0.03)
     assert before[0] < NEVER
+
+
+def test_a_polygon_needs_a_heading_and_free_room_at_the_start_for_that_heading():
+    room = {"lower": (0, 0), "upper": (4, 3), "goal": (3.4, 1.5, 0.3), "footprint": CART}
+    with pytest.raises(OptionError, match="has no heading among its states"):
+        Problem(scene=Scene.from_boxes([], start=(0.6, 1.4), **room), dynamics=SingleIntegrator(b=0.1), R=np.eye(2))
+    wall = [[0.0, 0.0, 4.0, 1.0]]
+    assert FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 0.0), **room)).static.kernels.turns
+    with pytest.raises(SceneError, match="at its heading"):
+        FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 1.5), **room))
