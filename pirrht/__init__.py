@@ -29,6 +29,7 @@ _NAMES = {
     "estimation.assembly": "path_integral", "estimation.estimate": "Estimate",
     "estimation.risk": "CollisionProbability collision_probability", "estimation.sampler": "PathIntegral",
     "estimation.sampling": "Sampling", "exact.desirability": "Desirability Optimal", "freespace": "FreeSpace",
+    "geometry.footprint": "Footprint",
     "geometry.scene": "Goal Kind Obstacle Scene", "outcome": "Outcome", "planner.references": "Reference",
     "planner.limits": "grown_tree",
     "planner.tree": "HomologyTree", "problem": "Problem", "steering.dubins": "Dubins", "steering.motion": "Trajectory",

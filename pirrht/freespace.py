@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,12 +13,14 @@ from pirrht.errors import SceneError
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.disc import Disc
-from pirrht.geometry.field import Field, clearances
+from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted, margin_left
+from pirrht.geometry.hulls import HullCollision
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.geometry.scene import Footprint, Goal, Scene
-from pirrht.geometry.space import FREE, UNSURE, Space, at_states
+from pirrht.geometry.polygon import Polygon
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.space import BLOCKED, FREE, UNSURE, Space, at_states
 from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.topology.choice import signature_of
@@ -72,14 +73,16 @@ class FreeSpace:
         named: int | None = None,
     ) -> FreeSpace:  # fmt: skip
         try:
-            field = Disc.over(build_field(collision, sorted(i for part in parts for i in part.members)))
+            members = sorted(i for part in parts for i in part.members)
+            field = Disc.over(build_field(collision, members))
+            static = static_of(scene, members, field)
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
         homology = signature_of(scene, encircled, named)
 
         return cls(
             scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology,
-            static=static_of(scene.footprint, field), moving=moving_of(scene),
+            static=static, moving=moving_of(scene),
         )  # fmt: skip
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
@@ -115,14 +118,12 @@ class FreeSpace:
         return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, list(reads)])[0]))
 
     def segments_free(self, points: Array) -> bool:
-        """Return whether the line through points (k, 2) [m] is free; FCL judges what the clearance leaves open."""
-        tails = points[:-1]
-        heads = points[1:]
-        sure = np.empty(len(points))
-
-        clearances(self.field, np.ascontiguousarray(points), sure)
-        unsure = sure[:-1] <= np.hypot(*(heads - tails).T)
-        return bool(np.all(self.collision.segments_free(tails[unsure], heads[unsure])))
+        """Return whether the line through points (k, 2) [m], headed along it, is free; FCL judges what is in doubt."""
+        piece, tails, heads = self.static.kernels.certify_piece, points[:-1], points[1:]
+        ends = zip(tails.tolist(), heads.tolist(), strict=True)
+        verdicts = np.array([piece(self.static, tuple(a), tuple(b), True) for a, b in ends], dtype=int)
+        unsure = verdicts == UNSURE
+        return bool(np.all(verdicts != BLOCKED) and np.all(self.collision.segments_free(tails[unsure], heads[unsure])))
 
     def in_goal(self, x: Array) -> bool:
         """Return whether the position (2,) [m] of a state x (n,) lies in the goal."""
@@ -139,17 +140,20 @@ class FreeSpace:
         """
         return margin_left(self.scene, self.collision, x[:2])
 
-    def clearance(self, position: Array) -> float:
-        """Return FCL's clearance of the robot's centre at one position (2,) [m]."""
-        return float(self.collision.clearance(position[None, :2])[0])
+    def clearance(self, x: Array, reads: tuple[int, ...] = (0, 1)) -> float:
+        """Return the exact clearance at a state x (n,), whose position, and heading if known, lie at indices [m]."""
+        return float(self.collision.clearance(x[None, list(reads)])[0])
 
 
-MEMBERS: dict[type, Callable[[Any, Disc], Space]] = {Footprint: lambda footprint, field: field}
+def collision_of(scene: Scene) -> Collision:
+    """Make the collision checker of a scene's footprint: of a disc, or of a polygon that turns with the heading."""
+    kind = Collision if scene.footprint.is_disc else HullCollision
+    return kind(scene.world, scene.footprint)
 
 
-def static_of(footprint: Any, field: Disc) -> Space:
-    """Make the static free space of a footprint by the member for its type, on the clearance field of its disc."""
-    return MEMBERS[type(footprint)](footprint, field)
+def static_of(scene: Scene, members: Sequence[int], field: Disc) -> Space:
+    """Make the static free space of a footprint: a disc's is its clearance field, a polygon has a field of its own."""
+    return field if scene.footprint.is_disc else Polygon.of(scene.world, scene.footprint, members)
 
 
 def moving_of(scene: Scene) -> Moving:
@@ -159,6 +163,8 @@ def moving_of(scene: Scene) -> Moving:
 
 def _checked(scene: Scene, *, start_counts: bool = True) -> tuple[Scene, Collision]:
     """Return a scene with waivers of the safety margin where it needs them, and its collision checker."""
-    collision = Collision(scene.world, scene.footprint)
+    collision = collision_of(scene)
     scene = fitted(scene, collision, start_counts=start_counts)
-    return scene, Collision(scene.world, scene.footprint) if scene.waivers else collision
+    if start_counts and isinstance(collision, HullCollision):
+        scene = collision.fitted(scene)
+    return scene, collision_of(scene) if scene.waivers else collision

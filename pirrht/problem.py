@@ -64,6 +64,13 @@ class Problem:
     def __post_init__(self) -> None:
         for fault in _faults(self.dynamics):
             raise OptionError(f"{type(self.dynamics).__name__}: {fault}")
+        if not self.scene.footprint.is_disc and self.dynamics.heading is None:
+            raise OptionError(
+                f"{self.scene.footprint} turns, and {type(self.dynamics).__name__} has no heading among its states "
+                f"{', '.join(self.dynamics.states)}; choose a disc, or a system with one"
+            )
+        if not self.scene.footprint.is_disc and self.scene.movers:
+            raise OptionError(f"among moving obstacles a robot is a disc; {self.scene.footprint} is none")
         m = self.dynamics.m
         shape = np.shape(self.control_cost(self.dynamics.state_of(self.scene.start)))
         if shape != (m, m):

@@ -49,7 +49,7 @@ NAMES = {
     "nearby listed among": "broad_phase, moving_exits",
     "lasting missed": "log_survival, survival probability",
     "beyond": "terminal_cost",
-    "reach room": "wall_offset, radius, clearance, speed, step size",
+    "room": "wall_offset, radius, clearance, speed, step size",
     "Offers Offer": "PassageSampler, Candidate",
     "saddles pages": "narrow_passages",
     "Marks Tracks Lanes Bases": "RayTable, MarkerTrajectories, BaseCache",

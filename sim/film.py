@@ -24,12 +24,11 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.plotting.colors import ClassColors, Color, blend, rgb
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, title
-from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen
+from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen, heavy_ends, rings
 from sim.drive.metrics import Frame
 from sim.extras import require
 from sim.files import replaced
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import Stance
 from sim.mjcf.edits import dress
 from sim.mjcf.obstacles import Mocap
 
@@ -115,7 +114,8 @@ class Film:
         self._camera.lookat[:] = [*(self._scene.lower + (0.5, 0.46) * extent), 0.0]
         self._camera.distance, self._camera.elevation, self._camera.azimuth = 1.32 * across, -ELEVATION, 90.0
         self._data = mujoco.MjData(model)
-        self._stance = Stance(loaded.model, loaded.states)
+        self._states = loaded.adapter
+        self._joints = self._states.joints(loaded.model)
         self._mocap = Mocap(loaded.model, self._scene.movers) if self._scene.movers else None
         self._colors = ClassColors()
         self._path: list[Array] = []  # rows of a time [s] and a state
@@ -192,6 +192,10 @@ class Film:
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
             for strip, share in zip(fan.strips.astype(float), opacity, strict=True):
                 self._join(strip, mujoco.mjtGeom.mjGEOM_LINE, THIN, np.array([*rgb(color), share]), 0.6)
+            for ring in heavy_ends(self._scene.body, fan):
+                self._line(ring, 0.012, color, 0.004)
+        if not self._scene.body.is_disc:
+            self._line(rings(self._scene.body, self._states.poses(state[None]))[0], 0.035, DRIVEN, 0.01)
         for mover in self._scene.movers if len(self._scene.movers) <= NAMED else ():
             top = max(float(solid.position[2]) for solid in mover.solids)
             place = np.array([*mover.motion.pose(now)[:2], top])
@@ -200,14 +204,15 @@ class Film:
         for one in () if over else foreseen(plan.movers, plan.time):
             if one.after > 0.0:
                 self._line(one.ring, 0.01, blend(GROUND, FORESEEN, one.strength), 0.008)
-        self._line(at_most(path[:, 1:3], PATH_POINTS), 0.03, DRIVEN, 0.015)
+        driven = self._states.drawn(at_most(path[:, 1:], PATH_POINTS), 0.03)
+        self._tube(driven, DRIVEN, 0.015)
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
         rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", blend(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
         return self._draw([(f"{now:.1f} s", INK), *rows])
 
     def _pose(self, state: Array, time: float) -> None:
         """Place all bodies as they are in a state at a time [s]; what was drawn before is gone."""
-        self._stance.place(self._data, state, np.zeros(2), np.zeros(self._model.nu))
+        self._joints.place(self._data, state, np.zeros(2), np.zeros(self._model.nu))
         if self._mocap is not None:
             self._mocap.place(self._data, time)
         mujoco.mj_forward(self._model, self._data)
@@ -216,8 +221,11 @@ class Film:
 
     def _line(self, points: Array, height: float, color: Color, radius: float) -> None:
         """Draw a polyline (k, 2) at a height, as thick as the scene is large [m]."""
-        lifted = np.column_stack([points, np.full(len(points), height)])
-        self._join(lifted, mujoco.mjtGeom.mjGEOM_CAPSULE, radius * self._thick, np.array([*rgb(color), 1.0]), 0.2)
+        self._tube(np.column_stack([points, np.full(len(points), height)]), color, radius)
+
+    def _tube(self, points: Array, color: Color, radius: float) -> None:
+        """Draw a polyline (k, 3), as thick as the scene is large [m]."""
+        self._join(points, mujoco.mjtGeom.mjGEOM_CAPSULE, radius * self._thick, np.array([*rgb(color), 1.0]), 0.2)
 
     def _join(self, points: Array, kind: mujoco.mjtGeom, width: float, rgba: Array, emission: float) -> None:
         for a, b in zip(points[:-1], points[1:], strict=True):

@@ -137,7 +137,10 @@ def check_size(task: Any, memory: float | None = None) -> None:
     mppi = s.method == "mppi"
     targeted = s.target_error is not None
     speed = s.speed if "speed" in task.system.heeds else 1.0
-    cost = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed + TAIL * task.problem.temperature
+    cost = (
+        2.0 * math.dist(scene.goal.center, scene.start[task.system.adapter.position]) / speed
+        + TAIL * task.problem.temperature
+    )
     seconds = s.horizon if mppi else cost / task.problem.least_rate  # of a path, about
     steps = max(1.0, seconds / s.dt)
     samples = float(classes * ((s.budget or s.samples * DOUBLINGS) if targeted else s.samples))

@@ -15,10 +15,10 @@ from pirrht.errors import OptionError
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting import maps
-from pirrht.plotting.colors import ClassColors, rgb
+from pirrht.plotting.colors import ClassColors, Color, rgb
 from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.colors import NAMED, labels, passing, title
-from sim.drawing.strokes import timed
+from sim.drawing.strokes import headed, rings, timed
 from sim.files import replaced
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 WIDE, HIGH = 36, 30  # characters of a line of the legend, and lines of one of its columns
 ENDINGS = (".png", ".pdf", ".svg")
 MOST, SHOWN = 8, 16  # moments on a map, and classes in a figure of lengths
+GHOSTS = 7  # outlines of a robot with corners along each reference
 APART = 0.022  # from each other that numbers are at least, over the width of the map
 
 
@@ -43,6 +44,9 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     sides = [wrap(maps.literal(", ".join(words)), WIDE) for words in passing(references, tree.homology, scenario.names)]
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     rows = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
+    for reference in references if not scene.body.is_disc else ():
+        poses = headed(reference.trajectory.points, GHOSTS + 1)[1:]  # the start is drawn already
+        outlined(axes, rings(scene.body, poses), colors[reference.id], 0.8, zorder=5)
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
     lines = [r.trajectory.points for r in references]
     hues = [colors[r.id] for r in references]
@@ -91,9 +95,17 @@ def draw_scene(axes: Any, scenario: "Scenario") -> None:
     for mover in scene.movers if len(scene.movers) <= NAMED else ():
         x, y = mover.motion.pose(0.0)[:2]
         axes.text(x, y, maps.literal(mover.name), path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
-    if scenario.problem.dynamics.angles:
-        heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
-        axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
+    states = scenario.system.adapter
+    if (ahead := states.direction(scene.start)) is not None:
+        start = states.above(scene.start)
+        tip = start + scene.robot_radius * 1.6 * ahead
+        axes.annotate("", tip, start, arrowprops={"arrowstyle": "->", "lw": 1.2})
+
+
+def outlined(axes: Any, drawn: Array, color: Color, width: float, *, zorder: float) -> None:
+    """Draw outlines of the robot (k, c, 2)."""
+    for ring in drawn:
+        axes.plot(*ring.T, color=rgb(color), lw=width, zorder=zorder)
 
 
 def draw_moments(axes: Any, scenario: "Scenario", references: Sequence[Reference], colors: ClassColors) -> float:

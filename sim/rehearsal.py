@@ -21,6 +21,7 @@ import numpy as np
 from pirrht.control.settings import TREELESS
 from pirrht.estimation.assembly import path_integral
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.jit import cache
@@ -42,9 +43,13 @@ WALKER = Mover(
 )  # fmt: skip
 
 
+CART = Footprint.rectangle(0.4, 0.2)
+
+
 def room_of(scene: Scene) -> Scene:
-    """Return the small room; an obstacle moves there if some do in the scene."""
-    return replace(ROOM, movers=(WALKER,) * bool(scene.movers))
+    """Return the small room; an obstacle moves there, or the robot has corners, as in the scene."""
+    room = replace(ROOM, movers=(WALKER,) * bool(scene.movers))
+    return room if scene.footprint.is_disc else replace(room, footprint=CART)
 
 
 def small_of(scenario: Scenario) -> Scenario:

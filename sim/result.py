@@ -49,7 +49,7 @@ def plan_json(
         "nodes": tree.node_count, "pruned_classes": int(tree.graph.pruned[0]), "seconds": seconds,
         "fcl_calls": scenario.space.collision.calls, **_windings_json(scenario, references),
         "passages": passages_json(tree, references), **_risk(collision), "margin": scenario.margin,
-        "risk": scenario.settings.risk,
+        "risk": scenario.settings.risk, **footprint_json(scenario),
     }  # fmt: skip
 
 
@@ -98,7 +98,14 @@ def settings_json(scenario: Scenario) -> dict[str, Any]:
         "risk": s.risk,
         "phi": phi,
         **({"predict": s.predict} if scenario.moving else {}),
+        **footprint_json(scenario),
     }
+
+
+def footprint_json(scenario: Scenario) -> dict[str, Any]:
+    """Return the corners of the robot, x ahead and y to the left of its place [m]; nothing of a disc."""
+    body = scenario.loaded.scene.body
+    return {} if body.is_disc else {"footprint": body.hull.tolist()}
 
 
 def run_json(

@@ -14,6 +14,7 @@ import numpy as np
 from pirrht.control.settings import BETWEEN, METHODS, TREELESS
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
+from sim.states import ADAPTERS, forms_of
 from sim.text import suggestion
 
 DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
@@ -23,6 +24,10 @@ SCENE, PROBLEM, PLANNER, RUN, GRID, *_ = GROUPS
 SEED = 2**63 - 1  # the largest seed
 PLACES = (-1e6, 1e6)  # coordinates of a scene [m]
 RUN_PERIODS = 10_000_000  # control steps of a run at most
+START_HELP = ", or ".join(one.start_help for one in ADAPTERS)
+GOAL_HELP = ", or ".join(one.goal_help for one in ADAPTERS)
+GOAL_FORM, GOAL_COUNT = forms_of("goal_form")
+BORDER_FORM, BORDER_COUNT = forms_of("border_form")
 _KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": bool, "Sequence[float]": float}
 
 
@@ -121,15 +126,17 @@ class SceneOptions:
                          "a `sim.systems.System`, or a function that returns one, from a module here or installed",
                          "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
+    footprint: Any = stated(None, "shape from above: jackal, turtlebot4, car or LENGTHxWIDTH[@OFFSET] [m], its middle "
+                            "OFFSET ahead of x, y", "SHAPE", unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
                                         "narrow passages")
-    start: Sequence[float] | None = stated(None, "start at X Y [m], and TH [rad] of a robot with a heading", "X",
+    start: Sequence[float] | None = stated(None, f"start at {START_HELP}", "X",
                                            count="+", unset="the scene's")
-    goal: Sequence[float] | None = stated(None, "disc around X Y with radius R [m]", ("X", "Y", "R"), count=3,
+    goal: Sequence[float] | None = stated(None, GOAL_HELP, GOAL_FORM, count=GOAL_COUNT,
                                           unset="the scene's")
-    workspace: Sequence[float] | None = stated(None, "border of the robot's centre", ("X0", "X1", "Y0", "Y1"), PLACES,
-                                               count=4, unset="the scene's site or floor")
+    workspace: Sequence[float] | None = stated(None, "border of the robot's centre", BORDER_FORM, PLACES,
+                                               count=BORDER_COUNT, unset="the scene's site or floor")
     freeze: bool | None = stated(None, "weld bodies with joints at keyframe or default pose, and drop actuators")
     without: Sequence[str] | None = stated(None, "leave out bodies and what refers to them", "BODY", count="+")
     preset: str | None = stated(None, "paper, fast or accurate", "NAME", group=PLANNER)

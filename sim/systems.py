@@ -11,7 +11,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,15 +22,14 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, PirrhtError, one_line
 from sim.settings import BY_SETTING, PRESETS, SPECIAL, Settings
+from sim.states import ADAPTERS, StateAdapter, adapter_of
 from sim.text import suggestion
 
 LONGEST = 200  # characters of a reason that numba gives
 _PLACES = re.compile(r'File "([^"\n]+)", line (\d+)|Raised from ([^\n]+) \((\d+)\)')  # as numba names them
 
 _folders: set[Path] = set()  # of modules that systems came from
-POSE = ("x", "y", "heading")  # states that are the place of a robot; the others move with it
-VELOCITIES = ("vx", "vy")  # those that are its speeds along x and y [m/s]
-SPEED = ("speed",)  # that of its body along its heading [m/s]
+POSE = ("x", "y", "heading")  # states of the built-in systems on the ground
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -55,6 +54,7 @@ class System:
     robots: tuple[str, ...] = ()  # names of its robots in the help; none: the help leaves it out
     noise_in: str = ""  # the unit of `--noise`, for the help
     settings: Settings = field(init=False)  # of a run without options
+    adapter: StateAdapter = field(init=False)  # of its states to joints, scenes and pictures
 
     def __post_init__(self) -> None:
         settings = (*self.defaults, *self.own)
@@ -63,11 +63,13 @@ class System:
                 raise OptionError(f"system {self.name}: {strange!r} is no {what}; those are {', '.join(sorted(known))}")
         object.__setattr__(self, "settings", Settings(**self.defaults))
         if not self.states:
-            object.__setattr__(self, "states", POSE[:2])
+            object.__setattr__(self, "states", ADAPTERS[0].pose[: ADAPTERS[0].dimension])
             with suppress(Exception):  # `problem` reports what is wrong
                 object.__setattr__(self, "states", tuple(self.dynamics(self.settings).states))
-        if self.states[:2] != POSE[:2]:
-            raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
+        try:
+            object.__setattr__(self, "adapter", adapter_of(self.states))
+        except ValueError as error:
+            raise OptionError(f"system {self.name}: its states are {self.states}; {error}") from None
 
     def __repr__(self) -> str:
         return f"System({self.name})"
@@ -76,11 +78,6 @@ class System:
     def called(self) -> str:
         """Name in messages: the first robot that the help names, or its own name."""
         return self.robots[0] if self.robots else self.name
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """States that are the place of a robot, which its joints must be."""
-        return tuple(name for name in self.states if name in POSE)
 
     def heard(self, scene: Mapping[str, float], meant: str) -> dict[str, float]:
         """Select a scene's options, by name, that are not meant for another system, `meant`."""
@@ -138,17 +135,18 @@ class System:
         if self.home is not None:
             return self._made("home", problem)
         d, goal, steering = problem.dynamics, problem.scene.goal, self.steered(problem)
+        position = self.adapter.position
         traits = Traits.of(problem)
         if self.steering is None and not traits.isotropic_point:
-            return lambda states: steering.cost_per_meter * np.hypot(*remaining(states[:, :2]).T)
-        if traits.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any():
+            return lambda states: steering.cost_per_meter * np.hypot.reduce(remaining(states[:, position]), axis=1)
+        if traits.noisy_position or d.f(d.state_of(problem.scene.start))[position].any():
             return cost_to_go(problem, remaining)
         ends = np.asarray(steering.roots(goal.center))
 
         def terminal_cost(states: Array) -> Array:
-            rest = remaining(states[:, :2])
+            rest = remaining(states[:, position])
             heads = np.repeat(ends[None], len(states), axis=0)
-            heads[:, :, :2] += (states[:, :2] + rest - goal.center)[:, None]
+            heads[:, :, position] += (states[:, position] + rest - goal.center)[:, None]
             costs = [steering.distance(states, heads[:, k]) for k in range(len(ends))]
             return np.where(rest.any(axis=1), np.min(costs, axis=0), 0.0)
 
@@ -168,11 +166,6 @@ def imported(path: str) -> Any:
     """Import MODULE:NAME."""
     module, _, name = path.partition(":")
     return getattr(importlib.import_module(module), name)
-
-
-def typed(states: Sequence[str]) -> str:
-    """Return names of states as the command line has them."""
-    return " ".join({"heading": "TH", "speed": "V"}.get(name, name.upper()) for name in states)
 
 
 def _dynamics(path: str) -> Callable[[Settings], Any]:

@@ -99,6 +99,7 @@ def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
         "obstacles to wind around": [[round(v, 9) for v in marker] for marker in space.homology.markers.tolist()],
         "motion": _described(steering),
         **moving,
+        **({} if scene.footprint.is_disc else {"footprint": [*scene.footprint.corners, scene.footprint.rounding]}),
     }
 
 

@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.errors import OptionError
 from pirrht.exact.grid import TUNING, Frame, Progress, Settling, cubic, frame_at, in_goal, interpolate
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.space import GOAL, INSIDE, SpaceKernels, pose_at
+from pirrht.geometry.space import BLOCKED, FREE, GOAL, INSIDE, UNSURE, SpaceKernels, pose_at
 from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.streams import survival
 from pirrht.problem import Problem
 from pirrht.systems.unicycle import Unicycle
 
@@ -70,20 +71,25 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, _: float | None,
     ceiling = min(problem.phi, TUNING.worst_path * problem.q * float(np.sum(scene.upper - scene.lower)) / d.V)
     rays = Rays(np.full(shape, np.nan), problem.q * tau, problem.temperature, ceiling)
     frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
+    gaps = np.empty((2, 0, 0, 0))
     tracing(space.static.kernels, d.reads(space.static.kernels.turns))(space.world, frame, rays)
+    if space.static.kernels.turns:
+        gaps = turning_gaps(space, frame, rays)
     value = np.where(rays.ended == 0.0, 0.0, ceiling)
-    blocked = rays.ended[:, :, 0] < 0.0
-    i, j = distance_transform_edt(blocked, return_distances=False, return_indices=True)[:, blocked]
+    blocked = rays.ended < 0.0
+    # Walls repeat what is next to them, at the same heading.
+    apart = (1.0, 1.0, float(sum(shape)))
+    nearest = tuple(distance_transform_edt(blocked, apart, return_distances=False, return_indices=True)[:, blocked])
     whole, half = (_taps(d.b * math.sqrt(s), tau, shape[2]) for s in (tau, 0.5 * tau))
     settling = Settling(progress, TUNING.car_settled)
     for done in range(TUNING.car_sweeps):
-        change = _sweep(value, value, rays, whole, done % 4)
+        change = _sweep(value, value, rays, gaps, (whole, d.b**2 * tau), done % 4)
         settling.note(change)
-        value[blocked] = value[i, j]  # walls repeat what is next to them
+        value[blocked] = value[nearest]
         if change < TUNING.car_settled:
             out = value.copy()
-            _sweep(value, out, rays, half, 0)
-            out[blocked] = out[i, j]
+            _sweep(value, out, rays, gaps, (half, 0.5 * d.b**2 * tau), 0)
+            out[blocked] = out[nearest]
             return Headings(frame, out / -problem.temperature)
     raise OptionError(f"the solution has not settled after {TUNING.car_sweeps} sweeps; choose a larger spacing")
 
@@ -139,9 +145,84 @@ def tracing(space: SpaceKernels, reads: tuple[int, ...]) -> Any:
     return trace
 
 
+def turning_gaps(space: FreeSpace, frame: Frame, rays: Rays) -> Array:
+    """Return by how much a car may turn left and right at each grid point until it meets a wall, (2, nx, ny, nt) [rad].
+
+    Exact distances of the footprint judge what the clearances of its cover leave open: `rays.ended` is negative at
+    poses in a wall, and where a ray is free nan.
+    """
+    shape = rays.ended.shape
+    nx, ny, nt = shape
+    width = 2.0 * math.pi / nt
+    x, y = (at + frame.spacing * np.arange(n) for at, n in ((frame.x0, nx), (frame.y0, ny)))
+    poses = np.stack(np.meshgrid(x, y, width * np.arange(nt), indexing="ij"), axis=-1)
+
+    def free(at: Array) -> BoolArray:
+        verdicts = np.empty(len(at), dtype=np.int64)
+        judging(space.static.kernels)(space.static, np.ascontiguousarray(at), verdicts)
+        unsure = np.flatnonzero(verdicts == UNSURE)
+        verdicts[unsure] = np.where(space.collision.free(at[unsure]), FREE, BLOCKED)
+        return np.asarray(verdicts == FREE)
+
+    inside = rays.ended != 0.0
+    clear = np.ones(shape, dtype=bool)
+    clear[inside] = free(poses[inside])
+    met = np.flatnonzero((rays.ended.ravel() == rays.ceiling) & clear.ravel())
+    ahead = TUNING.ray * frame.spacing * np.arange(1, TUNING.ray_checks + 1) / TUNING.ray_checks
+    begun = poses.reshape(-1, 3)[met, None]
+    heading = begun[..., 2:]
+    along = begun + ahead[:, None] * np.concatenate((np.cos(heading), np.sin(heading), 0.0 * heading), axis=-1)
+    passed = free(along.reshape(-1, 3)).reshape(len(met), -1).all(axis=1)
+    rays.ended.ravel()[met[passed]] = np.nan
+    rays.ended[~clear] = -1.0
+
+    gaps = np.full((2, *shape), np.inf)
+    for side, gap in zip((1, -1), gaps, strict=True):
+        edge = clear & ~np.roll(clear, -side, axis=2)
+        at, low, high = poses[edge], np.zeros(edge.sum()), np.full(edge.sum(), width)
+        for _ in range(TUNING.turn_halvings):
+            middle = 0.5 * (low + high)
+            turned = free(at + np.outer(side * middle, [0.0, 0.0, 1.0]))
+            low, high = np.where(turned, middle, low), np.where(turned, high, middle)
+        gap[~clear] = 0.0
+        gap[edge] = 0.5 * (low + high)
+        _pass_on(gap, clear & ~edge, side, width)
+    return gaps
+
+
 @kernel
-def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
-    """Follow rays and smooth over headings at all positions in turn; return the greatest change of v [cost]."""
+def _pass_on(gap, through, side, width):  # type: ignore[no-untyped-def]
+    """Write the angles of headings `through` which a turn goes on to the next one, from those of that [rad]."""
+    nx, ny, nt = gap.shape
+    for i in range(nx):
+        for j in range(ny):
+            for step in range(2 * nt):
+                k = (-side * step) % nt
+                if through[i, j, k]:
+                    gap[i, j, k] = gap[i, j, (k + side) % nt] + width
+
+
+@cache
+def judging(space: SpaceKernels) -> Any:
+    """Build the kernel (static, poses (k, 3), out (k,)) that writes FREE, UNSURE or BLOCKED."""
+    certify = space.certify
+
+    @kernel
+    def judged(static, poses, out):  # type: ignore[no-untyped-def]
+        for i in range(len(poses)):
+            out[i] = certify(static, (poses[i, 0], poses[i, 1], poses[i, 2]))
+
+    return judged
+
+
+@kernel
+def _sweep(value, out, rays, gaps, smoothing, order):  # type: ignore[no-untyped-def]
+    """Follow rays and smooth over headings at all positions in turn; return the greatest change of v [cost].
+
+    `gaps` as of `turning_gaps`, empty where headings do not matter; `smoothing`: weights of headings, variance [rad^2].
+    """
+    taps, variance = smoothing
+    walled = gaps.shape[1] > 0
     nx, ny, nt = value.shape
     width = taps.shape[0]
     reach = taps.shape[0] // 2
@@ -155,11 +236,13 @@ def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
         i = a if order % 2 == 0 else nx - 1 - a
         for b in range(ny):
             j = b if order // 2 == 0 else ny - 1 - b
-            if rays.ended[i, j, 0] <= 0.0:  # in a wall or in the goal
+            if rays.ended[i, j, 0] == 0.0 or (rays.ended[i, j, 0] < 0.0 and not walled):  # in the goal or in a wall
                 continue
             for k in range(nt):
                 ray[reach + k] = rays.ended[i, j, k]
-                if math.isnan(ray[reach + k]):
+                if ray[reach + k] < 0.0:
+                    ray[reach + k] = rays.ceiling
+                elif math.isnan(ray[reach + k]):
                     th = 2.0 * math.pi * k / nt
                     ahead = _cubic(value, i, j, TUNING.ray * math.cos(th), TUNING.ray * math.sin(th), k)
                     ray[reach + k] = min(rays.cost + ahead, rays.ceiling)
@@ -169,6 +252,17 @@ def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
             for k in range(nt + 2 * reach):
                 weight[k] = math.exp((least - ray[k]) / temperature)
             for k in range(nt):
+                if walled and rays.ended[i, j, k] < 0.0:
+                    continue
+                if walled and min(gaps[0, i, j, k], gaps[1, i, j, k]) < math.inf:
+                    total = 0.0
+                    for t in range(width):
+                        turn = (t - reach) * 2.0 * math.pi / nt
+                        total += taps[t] * weight[k + t] * _misses(gaps[0, i, j, k], gaps[1, i, j, k], turn, variance)
+                    new = rays.ceiling if total <= 0.0 else min(least - temperature * math.log(total), rays.ceiling)
+                    change = max(change, abs(new - value[i, j, k]))
+                    out[i, j, k] = new
+                    continue
                 best, total = least, 0.0
                 for t in range(width):
                     total += taps[t] * weight[k + t]
@@ -180,6 +274,12 @@ def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
                 change = max(change, abs(new - value[i, j, k]))
                 out[i, j, k] = new
     return change
+
+
+@inlined
+def _misses(left, right, turn, variance):  # type: ignore[no-untyped-def]
+    """Return the probability that headings between, a bridge of a variance [rad^2], stay off walls on both sides."""
+    return survival(left, left - turn, variance) * survival(right, right + turn, variance)
 
 
 @inlined

@@ -63,6 +63,8 @@ class GridTuning(NamedTuple):
     car_points: int = 8_000_000  # grid points of positions and headings: about two minutes
     car_cutoff: float = 6.5  # smoothing ends so many deviations beyond
     fastest_turn: float = 4.0  # what this turn rate reaches in a step [rad/s]
+    ray_checks: int = 4  # poses along a ray of a footprint with a heading that exact distances judge
+    turn_halvings: int = 6  # of the angle between two headings in which a turn meets a wall
     worst_path: float = 10.0  # v is cut off at the cost of driving so many times around half the workspace
     car_settled: float = 1e-4  # change of v in a sweep at which iteration ends [cost]
     car_sweeps: int = 500  # sweeps of the iteration at most

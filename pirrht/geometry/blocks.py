@@ -28,27 +28,32 @@ TOP = LEVELS - 1
 Origins = NDArray[np.int64]  # (k, 2) first cells of blocks, in the finest spacing
 
 
-def build_field(collision: Collision, members: Sequence[int]) -> Field:
-    """Sample clearances [m] from the solids that count, at a share of the robot's radius; SceneError: too large."""
+def build_field(
+    collision: Collision, members: Sequence[int], *, cells: float = TUNING.cells_per_radius, fine: float = 0.0
+) -> Field:
+    """Sample clearances [m] from the solids that count; SceneError: the workspace is too large.
+
+    Args: spacings in the robot's radius; clearance up to which cells next to curved walls and corners are finest [m].
+    """
     world, radius = collision.world, collision.least_radius
     span = world.upper - world.lower
     farthest = float(np.abs([world.lower, world.upper]).max())
-    h = radius / TUNING.cells_per_radius
+    h = radius / cells
     if farthest > TUNING.single_cells * h:
         raise SceneError(
             f"{_too_large(span, radius)}: {farthest:g} m from the origin positions are too coarse for it; up to "
             f"{_rounded(TUNING.single_cells * h, math.floor)} m works, or a radius of "
-            f"{_rounded(farthest * TUNING.cells_per_radius / TUNING.single_cells, math.ceil)} m or more"
+            f"{_rounded(farthest * cells / TUNING.single_cells, math.ceil)} m or more"
         )
     counts = np.ceil(span / h - 1e-9).astype(int) + 1
     if float(np.prod(counts.astype(float))) > TUNING.dense_points:
-        return build_blocks(collision, members, h)
-    arrays, _ = _sampled(collision, members, h, world.lower + h * lattice(*counts)[None], True)
+        return build_blocks(collision, members, h, fine)
+    arrays, _ = _sampled(collision, members, h, world.lower + h * lattice(*counts)[None], None)
     nearest, second, label = arrays
     return Field.of(world, h, (nearest[0], second[0], label[0]))
 
 
-def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Field:
+def build_blocks(collision: Collision, members: Sequence[int], h: float, fine: float = 0.0) -> Field:
     """Sample clearances [m] from the solids that count in blocks, the finest of spacing h [m]; SceneError: too many."""
     world, span = collision.world, collision.world.upper - collision.world.lower
     for cells in (8, 16, 32):  # wider ones make the table smaller and waste more points
@@ -72,7 +77,7 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Fiel
         children = [origins[:0]]
         for some in np.array_split(origins, range(TUNING.blocks_at_once, len(origins), TUNING.blocks_at_once)):
             points = world.lower + (some[:, None, None] + (places << level)) * h
-            arrays, coarse = _sampled(collision, members, h * 2**level, points, level == 0)
+            arrays, coarse = _sampled(collision, members, h * 2**level, points, fine if level else None)
             i, j = (some // cells).T
             at = steps[: 1 << level]
             numbers = (size + np.arange(len(some))) << LEVEL_BITS | level
@@ -88,9 +93,9 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Fiel
 
 
 def _sampled(
-    collision: Collision, members: Sequence[int], width: float, points: Array, finest: bool
+    collision: Collision, members: Sequence[int], width: float, points: Array, fine: float | None
 ) -> tuple[Arrays, BoolArray]:
-    """Sample blocks of points (k, nx, ny, 2) [m] so far apart [m].
+    """Sample blocks of points (k, nx, ny, 2) [m] so far apart [m]. `fine` as of `build_field`; None: none is finer.
 
     Returns: clearances that are never too high and labels; cells (k, nx - 1, ny - 1) too wide for the walls in them.
     """
@@ -104,14 +109,14 @@ def _sampled(
     away = np.maximum(near, 0.0) + least_r - math.sqrt(2.0) * width  # at least, of places in the cell that are free
     margin = width**2 / (4.0 * np.maximum(away, 0.5 * least_r))
     coarse = np.zeros((shape[0], shape[1] - 1, shape[2] - 1), dtype=np.bool_)
-    if not finest:
+    if fine is not None:
         least, most = _extremes(near)
         low, high = _extremes(far)
         one, other = _extremes(label)
 
         flat = _flat(walls, shape, one == other, most + r, width)
         changes = (least < sharp) & ((one != other) | (high - low > 1.5 * width) & (low < sharp))
-        coarse = (most > max(-1.5 * width, -r)) & ((least < TUNING.band * width) & ~flat | changes)
+        coarse = (most > max(-1.5 * width, -r)) & ((least < max(TUNING.band * width, fine)) & ~flat | changes)
         around = np.pad(coarse | flat, ((0, 0), (1, 1), (1, 1)), constant_values=True)  # cells around each point
         margin[around[:, 1:, 1:] & around[:, 1:, :-1] & around[:, :-1, 1:] & around[:, :-1, :-1]] = 0.0
     return ((near - margin).astype(np.float32), (far - margin).astype(np.float32), label), coarse

@@ -13,7 +13,8 @@ import fcl
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray, IntArray
-from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
+from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.scene import Kind, Obstacle, Workspace
 from pirrht.geometry.shapes import Solids, distances, hull_of
 from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.walls import Found, nearest_walls

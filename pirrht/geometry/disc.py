@@ -162,7 +162,7 @@ def rim_along(arena, x, y, ex, ey):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _may_meet(before, after, square):  # type: ignore[no-untyped-def]
+def may_meet(before, after, square):  # type: ignore[no-untyped-def]
     """Check whether a bridge between two distances may meet what they are from; beyond `square` [m^2] it cannot."""
     return after <= 0.0 or 2.0 * before * after < square
 
@@ -208,7 +208,7 @@ def _meet_walls(field, step, before, after, cov, near, weighed, state):  # type:
 
 
 @inlined
-def _enter_goal(arena, step, g0, g1, cov, line, state):  # type: ignore[no-untyped-def]
+def enter_goal(arena, step, g0, g1, cov, line, state):  # type: ignore[no-untyped-def]
     """Draw the next state, and the share of a step at which a bridge enters the goal, or NEVER; g0, g1 in [m]."""
     x, y, nx, ny = step
     ex, ey, alone = line_of(cov)
@@ -239,14 +239,14 @@ def bridge(arena, pose, moved, before, after, cov, weighed, state, line=False): 
     step = (pose[0], pose[1], moved[0], moved[1])
     reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     after = _cut_short(arena, step, before, after)
-    near_wall = _may_meet(before[0], after[0], reach)
-    near_border = _may_meet(before[1], after[1], reach)
+    near_wall = may_meet(before[0], after[0], reach)
+    near_border = may_meet(before[1], after[1], reach)
     wall_time, goal_time, lasting = NEVER, NEVER, 0.0
     if near_wall or near_border:
         near = near_wall, near_border
         state, wall_time, lasting = _meet_walls(arena.static, step, before, after, cov, near, weighed, state)
-    if _may_meet(before[2], after[2], reach):
-        state, goal_time = _enter_goal(arena, step, before[2], after[2], cov, line, state)
+    if may_meet(before[2], after[2], reach):
+        state, goal_time = enter_goal(arena, step, before[2], after[2], cov, line, state)
     if goal_time == NEVER and wall_time == NEVER:
         return state, INSIDE, 1.0, lasting
     if goal_time <= wall_time:

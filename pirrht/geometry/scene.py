@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, NotRequired, TypedDict, Unpack
 
 import numpy as np
@@ -15,10 +15,12 @@ from pirrht.errors import SceneError
 from pirrht.formatting import short
 from pirrht.geometry import solids
 from pirrht.geometry.checks import number, numbers, parts_of
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.geometry.tuning import TUNING
 
 ROUNDING = TUNING.rounding
+NO_FOOTPRINT = Footprint()  # a disc of the robot's radius
 
 __all__ = ["ROUNDING", "Footprint", "Goal", "Kind", "Obstacle", "Scene", "SceneTask", "Workspace"]
 
@@ -79,19 +81,13 @@ class Workspace(NamedTuple):
         return bool(np.all(position > self.lower) and np.all(position < self.upper))
 
 
-class Footprint(NamedTuple):
-    """The sphere as which a robot plans."""
-
-    radius: float  # [m]
-    height: float  # of its centre above the ground [m]
-
-
 class SceneTask(TypedDict):
     """Start, goal and robot of a scene."""
 
     start: ArrayLike  # x, y [m] and perhaps a heading [rad], which is 0 if not given, (2,) or (3,)
     goal: Goal | ArrayLike  # or x, y, radius [m], (3,)
-    robot_radius: float  # [m]
+    robot_radius: NotRequired[float]  # [m]
+    footprint: NotRequired[Footprint]  # in place of a radius
     robot_height: NotRequired[float]  # of the robot's centre above the ground, 0.1 if not given [m]
     name: NotRequired[str]  # "scene" if not given
 
@@ -107,10 +103,11 @@ class Scene:
         obstacles: static convex solids.
         goal: the disc to be reached.
         start: x, y [m] and heading [rad], (3,).
-        robot_radius: of the sphere as which the robot plans [m].
+        robot_radius: of the sphere as which the robot plans, or the inscribed radius of its footprint [m].
         robot_height: of that sphere's centre above the ground [m].
         defaults: option name -> value that the scene asks for, in the option's unit.
         movers: moving obstacles; `obstacles` holds only static ones.
+        footprint: as which the robot plans, where that is no disc of the radius.
         margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
         narrow: discs around narrow passages in which less margin counts.
         waivers: these and those at start and goal; `FreeSpace.of` sets them.
@@ -139,13 +136,14 @@ class Scene:
     obstacles: tuple[Obstacle, ...]
     goal: Goal
     start: Array
-    robot_radius: float
-    robot_height: float = 0.1
+    robot_radius: float = 0.0
+    robot_height: float = TUNING.robot_height
     defaults: dict[str, float] = field(default_factory=dict)
     movers: tuple[Mover, ...] = ()
     margin: float = 0.0
     narrow: tuple[Waiver, ...] = ()
     waivers: tuple[Waiver, ...] = ()
+    footprint: Footprint = NO_FOOTPRINT
 
     def __repr__(self) -> str:
         across, up = self.upper - self.lower
@@ -162,6 +160,9 @@ class Scene:
             raise SceneError(f"the name of a scene is {short(self.name)}; it must be a text")
         self._check_parts()
         of = f"{self.name}: the "
+        shape = self.footprint
+        if not shape.is_disc or (isinstance(self.robot_radius, float) and not self.robot_radius and shape.rounding):
+            object.__setattr__(self, "robot_radius", shape.inscribed)
         measured = {
             "lower": numbers(self.lower, (2,), f"{of}least corner of the workspace", "x, y [m]"),
             "upper": numbers(self.upper, (2,), f"{of}greatest corner of the workspace", "x, y [m]"),
@@ -172,6 +173,10 @@ class Scene:
         }
         for key, value in measured.items():
             object.__setattr__(self, key, value)
+        rounding = self.robot_radius if shape.is_disc else shape.rounding
+        object.__setattr__(self, "footprint", replace(shape, rounding=rounding, height=self.robot_height))
+        if not shape.is_disc and self.margin > shape.rounding + ROUNDING:
+            raise SceneError(f"{of}margin is {self.margin:g}, and its footprint is grown by {shape.rounding:g} only")
         if not self.margin < self.robot_radius:
             raise SceneError(f"{of}margin is {self.margin:g}; it is a part of the robot radius, {self.robot_radius:g}")
         if not np.all(self.lower < self.upper):
@@ -200,8 +205,8 @@ class Scene:
             boxes: a row x0, y0, x1, y1 [m] each, and perhaps a yaw about its middle [rad], (k, 4) or (k, 5).
             lower: least corner of the box that holds the robot's centre, (2,) [m].
             upper: its greatest corner, (2,) [m].
-            task: `start` (x, y or x, y, heading), `goal` (x, y, radius, or a `Goal`), `robot_radius`; and where they
-                differ from "scene" and 0.1 m, `name` and `robot_height`.
+            task: `start` (x, y or x, y, heading), `goal` (x, y, radius, or a `Goal`), `robot_radius` or a
+                `footprint`; and where they differ from "scene" and 0.1 m, `name` and `robot_height`.
 
         Raises:
             SceneError: a number is missing or cannot be; names the row.
@@ -267,7 +272,8 @@ class Scene:
     @classmethod
     def _of(
         cls, obstacles: tuple[Obstacle, ...], lower: ArrayLike, upper: ArrayLike, *, start: ArrayLike,
-        goal: Goal | ArrayLike, robot_radius: float, robot_height: float = 0.1, name: str = "scene",
+        goal: Goal | ArrayLike, robot_radius: float = 0.0, robot_height: float = TUNING.robot_height,
+        footprint: Footprint = NO_FOOTPRINT, name: str = "scene",
     ) -> Scene:  # fmt: skip
         if not isinstance(goal, Goal):
             x, y, radius = numbers(goal, (3,), "the goal", "x, y, radius [m]")
@@ -277,7 +283,7 @@ class Scene:
         begin = solids.table([start], (2, 3), "start", "x, y [m] and perhaps a heading [rad]")[0]
         return cls(
             name=name, lower=low, upper=high, obstacles=obstacles, goal=goal, start=begin, robot_radius=robot_radius,
-            robot_height=robot_height,
+            robot_height=robot_height, footprint=footprint,
         )  # fmt: skip
 
     @property
@@ -286,14 +292,9 @@ class Scene:
         return Workspace(self.lower, self.upper, self.obstacles, self.waivers)
 
     @property
-    def footprint(self) -> Footprint:
-        """Return radius and height of the robot [m]."""
-        return Footprint(self.robot_radius, self.robot_height)
-
-    @property
     def body(self) -> Footprint:
-        """Return radius and height of the ball that holds the robot itself, without the safety margin [m]."""
-        return Footprint(self.robot_radius - self.margin, self.robot_height)
+        """Return the footprint of the robot itself, without the safety margin."""
+        return self.footprint.grown(-self.margin)
 
 
 def _height(task: SceneTask) -> float:

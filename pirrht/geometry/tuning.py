@@ -46,6 +46,22 @@ class GeometryTuning(NamedTuple):
     # Moving obstacles
     shapes: int = 1024  # of obstacles of which is remembered what does not depend on how they move: memory
     moment: float = 1e-9  # least time by which a walk along a motion advances [s]: rounding
+    # Footprints
+    robot_height: float = 0.1  # of a robot's centre above the ground, if none is given [m]
+    widest_footprint: float = 1e3  # farthest corner of a footprint [m]
+    outline_pieces: int = 30  # of a whole turn, as which round parts are drawn
+    excess: float = 0.01  # by which the discs that cover a polygon reach beyond it, with their field's error [m]
+    cover_share: float = 0.55  # of the excess that the discs take; the rest is the field's
+    sure: float = 10.0  # so many times the excess a clearance may be for that to hold; beyond, the field is coarser
+    coarse_cover: float = 3.0  # what discs of the coarse cover reach beyond, as a multiple of the excess
+    tight: float = 5.0  # up to so many times the excess a clearance is that of the tight cover
+    coarse_noise: float = 2.0  # by which noise towards a wall may be more than towards discs of the coarse cover
+    cover_slack: float = 0.2  # by which discs overlap, as a share of what they reach beyond: samples against discs
+    cover_candidates: int = 80  # discs tried along each half of an edge
+    cells_per_disc: float = 3.0  # spacings of their field in the radius of the least disc at least: else it is no bound
+    grain: float = 0.6  # spacing at most, as a share of the excess: half of it is lost between two walls
+    exact_reach: float = 0.5  # clearances are those of all discs up to so many times the footprint's reach
+    edge_halvings: int = 46  # of an edge, in which the place nearest to a solid lies: to rounding
     # Start and goal
     turning_reach: float = 4.0  # added to a waiver's radius, for robots that cannot turn on the spot [body radii]
     exit_share: float = 0.75  # of a waiver's radius, within which a path must have left the margin

@@ -19,8 +19,9 @@ import numpy as np
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import SHORTEST, Collision
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Motion, Mover, Obstacle
-from pirrht.geometry.scene import Footprint, Workspace
+from pirrht.geometry.scene import Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.moving.tuning import TUNING

@@ -10,8 +10,9 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover, Obstacle
-from pirrht.geometry.scene import Footprint, Scene, Workspace
+from pirrht.geometry.scene import Scene, Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.world import WALL, MovingKernels
 from pirrht.moving.certify import certify, note_unsure

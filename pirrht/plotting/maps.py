@@ -50,13 +50,17 @@ def of(space: FreeSpace, time: float, axes: Any, what: str) -> Any:
 
 def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
     """Draw a scene to scale, with moving obstacles at a time [s]."""
-    from matplotlib.patches import Circle, Rectangle
+    from matplotlib.patches import Circle, Polygon, Rectangle
 
     axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
     solids(axes, scene.obstacles, fc=WALL, ec="none", zorder=3)
     bodies(axes, scene.movers, time)
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
-    axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
+    style = {"fc": "none", "ec": INK, "lw": 1.2, "zorder": 5}
+    if scene.footprint.is_disc:
+        axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, **style))
+    else:
+        axes.add_patch(Polygon(scene.body.at(scene.start), closed=True, **style))
     margin = 0.02 * float((scene.upper - scene.lower).max())
     left, low = scene.lower - margin
     right, high = scene.upper + margin

@@ -7,7 +7,7 @@ from typing import Any
 from pirrht.geometry.space import COLLISION, GOAL, INSIDE, pose_at
 from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import part
-from pirrht.jit.streams import normals
+from pirrht.jit.streams import FAR, normals
 from pirrht.rollouts.first_exit import at_crossing
 from pirrht.rollouts.step import KernelSpec, in_plane, pose_noise
 
@@ -106,6 +106,7 @@ def exits(kind: KernelSpec) -> Any:
     ended = ended_for(kind)
     bridge_among, sweep_among, clearance_among = among.bridge, among.sweep, among.clearance
     space = kind.space
+    swings, spread = space.turns and not noisy_position, space.spread
     bridge, sweep, end, distances = space.bridge, space.sweep, space.end, space.distances
     pose, flat, scaled = pose_at(kind.reads), in_plane(len(kind.reads)), pose_noise(kind).scaled
 
@@ -157,6 +158,22 @@ def exits(kind: KernelSpec) -> Any:
         return exit, share, (before, room)
 
     @part
+    def on_swing(setup, tables, scratch, dt, rates, clear, ahead, state):  # type: ignore[no-untyped-def]
+        """Judge a step whose noise turns the footprint on its way: exit, share, log probability that no wall was met.
+
+        `clear` [m] is free before it, `ahead` after it, as far as is known.
+        """
+        cov = scaled(rates, dt)
+        if min(clear, ahead) > 0.0 and 2.0 * clear * ahead > FAR * spread(setup.world.static, cov, False):
+            return state, INSIDE, 1.0, 0.0
+        here = pose(scratch.x)
+        there = pose(scratch.moved)
+        before = distances(setup.world, here)
+        return bridge(
+            setup.world, here, there, before, distances(setup.world, there), cov, tables.weighed, state, False
+        )
+
+    @part
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]
         (dt, now), until = step, 0.0 if move[0] else step[0]
         if not setup.bridge:
@@ -167,7 +184,10 @@ def exits(kind: KernelSpec) -> Any:
             return state, exit, 1.0, until, 0.0, (distances(setup.world, there), clear[1])
         if noisy_position:
             return on_bridge(setup, tables, scratch, step, move[3], clear, state)
-        exit, share, clear = on_path(setup, scratch, step, move, clear)
-        return state, exit, share, until, 0.0, clear
+        exit, share, after = on_path(setup, scratch, step, move, clear)
+        missed = 0.0
+        if swings and exit == INSIDE:
+            state, exit, share, missed = on_swing(setup, tables, scratch, dt, move[3], clear[1], after[1], state)
+        return state, exit, share, until, missed, after
 
     return judge

@@ -11,8 +11,8 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Footprint
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int32, part
 from pirrht.topology.crossings import Cuts, key_of_step, keys_of_steps, pairs_of_curve, straight_turns
 from pirrht.topology.moving_crossings import NO_RAYS, MarkerTable, RayTable, begin, crossings_of_leg, follow, watch

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Footprint
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.topology.pairs import spread
 

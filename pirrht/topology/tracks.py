@@ -16,8 +16,9 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Motion, Mover, Obstacle
-from pirrht.geometry.scene import Footprint, Workspace
+from pirrht.geometry.scene import Workspace
 from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 from pirrht.topology.obstacles import components

@@ -6,6 +6,7 @@ _TASK = columns("""
 scene        string  -         name of the scene
 robot        string  -         name of the robot
 margin       number  m         that plans keep around the robot
+footprint    list    m         corners, x ahead and y to the left; not of a disc
 risk         number  1         `--risk`, or null
 """)
 _SAMPLING = columns("""

@@ -16,7 +16,7 @@ from sim.files import check_writable
 from sim.options import DAILY, options_of
 from sim.recording.columns import explained
 from sim.settings import DRIVES, PRESETS, SPECIAL, Option
-from sim.systems import System, named, names, typed
+from sim.systems import System, named, names
 from sim.text import suggestion, table
 
 ALIKE = 0.8  # likeness of an option that may have been meant
@@ -132,7 +132,7 @@ def robots_text() -> str:
     rows = []
     for system in _robots():
         numbers = [f"{getattr(system.settings, name):g}" for name in columns]
-        rows += [[robot, system.noise_in, typed(system.states), *numbers] for robot in system.robots]
+        rows += [[robot, system.noise_in, system.adapter.typed(), *numbers] for robot in system.robots]
     return table(["robot", "unit of --noise", "state", *columns], rows)
 
 

@@ -25,12 +25,13 @@ from sim import options, rehearsal, tree_file
 from sim.cli import tables
 from sim.drive.metrics import Truth
 from sim.files import path_text, replaced, write_json
+from sim.mjcf.footprint import collision_of
 from sim.recording.reasons import shares_of
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import deviation
 from sim.scenario.risk import predicted
-from sim.systems import POSE, typed
+from sim.states import ADAPTERS
 from sim.text import counted, say
 
 SHARE_PATHS = 2000  # optimal paths that tell the exact share of each class
@@ -109,19 +110,24 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
     """Read the scene and the task of a command line, and put into `arguments` the scene's numbers for the rest."""
     given = vars(arguments)
     command = arguments.command
-    numbers = len(arguments.start or (0, 0))
+    numbers = len(arguments.start or ADAPTERS[0].pose[: ADAPTERS[0].dimension])
 
-    if numbers not in (2, 3):
+    if not any(numbers in one.start_counts for one in ADAPTERS):
+        words = "; or ".join(one.start_words for one in ADAPTERS)
         raise OptionError(
-            f"--start has {counted(numbers, 'number')}; it must be X Y, and TH of a robot with a heading; runs begin "
-            "at rest (`pirrht estimate --at` takes any state)"
+            f"--start has {counted(numbers, 'number')}; it must be {words}; runs begin at rest (`pirrht estimate --at` "
+            "takes any state)"
         )
     driven = command not in ("plan", "estimate")
     of_run = options.of_run(command, given)
     notice().run = arguments.scene, of_run
     scenario = prepare(arguments.scene, given=of_run, loose=loose, driven=driven)
-    if numbers == 3 and not scenario.problem.dynamics.angles:
-        raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
+    adapter = scenario.system.adapter
+    if arguments.start and numbers > len(adapter.places):
+        spare = " ".join(adapter.pose[len(adapter.places) : numbers])
+        raise OptionError(
+            f"--start has a {spare}, and {scenario.loaded.robot} has none; give {adapter.typed(adapter.places)}"
+        )
     for name in ("predict", "speed_limit"):
         if given[name] is not None and not scenario.moving:
             say(f"--{name.replace('_', '-')} changes nothing here: nothing moves in this scene")
@@ -216,9 +222,10 @@ def estimate(arguments: argparse.Namespace) -> int:
     x, time = state_of(arguments.at, scenario), arguments.time
     if time > 0.0 and not scenario.moving:
         raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")
-    if scenario.space.moving.distance(x[:2], time) <= 0.0:
+    place = x[scenario.system.adapter.position]
+    if scenario.space.moving.distance(place, time) <= 0.0:
         there = f"a moving obstacle is there at {time:g} s; choose another state or --time"
-        raise OptionError(f"--at {x[0]:g} {x[1]:g}: {there}")
+        raise OptionError(f"--at {' '.join(f'{v:g}' for v in place)}: {there}")
     grid = None
     if arguments.truth:
         with Progress("exact value") as bar:
@@ -250,32 +257,36 @@ def estimate(arguments: argparse.Namespace) -> int:
 
 def state_of(at: list[float], scenario: Scenario) -> Array:
     """Return the state (n,) that `--at` names; missing numbers are 0, and a heading is left out where there is none."""
-    system, where = scenario.system, " ".join(f"{v:g}" for v in at)
-    bare = set(system.states) <= set(POSE)
-    whole, place = (POSE, POSE) if bare else (system.states, system.joints)
+    adapter, where = scenario.system.adapter, " ".join(f"{v:g}" for v in at)
+    pose = adapter.pose
+    whole, place = (pose, pose) if adapter.bare else (adapter.states, adapter.places)
     finite = bool(np.all(np.isfinite(at)))
-    if not 2 <= len(at) <= len(whole) or not finite:
+    if not adapter.dimension <= len(at) <= len(whole) or not finite:
         known = f"has {counted(len(at), 'number')}" if finite else f"is {where}"
-        raise OptionError(f"--at {known}; it must be X Y or the first few of {typed(whole)}, all finite")
+        few, all_of = adapter.typed(pose[: adapter.dimension]), adapter.typed(whole)
+        raise OptionError(f"--at {known}; it must be {few} or the first few of {all_of}, all finite")
     x = np.array([*at, *[0.0] * (len(whole) - len(at))])
     if len(at) <= len(place):
-        x = scenario.problem.dynamics.state_of(np.array([*at, 0.0]))
+        x = scenario.problem.dynamics.state_of(np.array([*at, *[0.0] * (len(pose) - len(at))]))
     if scenario.space.clearance(x) <= 0.0:
         raise SceneError(f"--at {where}: {why_covered(x, scenario)}; choose another state")
-    if scenario.loaded.scene.goal.contains(x[:2]):
+    if scenario.loaded.scene.goal.contains(x[adapter.position]):
         raise SceneError(f"--at {where}: this state is already in the goal; choose another")
     return x
 
 
 def why_covered(x: Array, scenario: Scenario) -> str:
     """Return why the robot may not be at a state (n,): the border, an obstacle, or the margin around one."""
-    scene, collision, place = scenario.space.scene, scenario.space.collision, x[None, :2]
-    if not scene.world.contains(x[:2]):
-        (left, low), (right, high) = scene.lower, scene.upper
-        return f"this state is outside the workspace, x {left:g} to {right:g} and y {low:g} to {high:g}"
+    scene, collision, adapter = scenario.space.scene, scenario.space.collision, scenario.system.adapter
+    place = x[None, adapter.position]
+    if not scene.world.contains(place[0]):
+        return f"this state is outside the workspace, {adapter.borders_text(scene.lower, scene.upper)}"
     nearest = collision.nearest_walls(place, range(len(scene.obstacles)), scene.robot_radius).which[0]
-    obstacle, distance = scene.obstacles[nearest].name, float(collision.true_distance(place)[0])
-    if distance < scene.body.radius + ROUNDING:
+    obstacle, free = scene.obstacles[nearest].name, float(collision.true_distance(place)[0]) - scene.body.radius
+    if not scene.body.is_disc:
+        free = float(collision_of(scene.world, scene.body).clearance(adapter.poses(x[None]))[0])
+    if free < ROUNDING:
         return f'the robot collides with obstacle "{obstacle}" there'
-    free = f"{distance - scene.body.radius:.3g} m from obstacle"
-    return f'the robot is {free} "{obstacle}" there, and plans keep a margin of {scene.margin:.3g} m'
+    return (
+        f'the robot is {free:.3g} m from obstacle "{obstacle}" there, and plans keep a margin of {scene.margin:.3g} m'
+    )

@@ -13,19 +13,22 @@ from scipy.spatial.transform import Rotation
 from pirrht.arrays import Array, IntArray
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover
 from pirrht.outcome import Outcome
 from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting.strokes import fading, interpolated, lengths, outline
+from pirrht.plotting.strokes import even, fading, interpolated, lengths, outline
 from pirrht.topology.signature import OTHER, Signature
+from sim.states import adapter_of
 
 Floats = NDArray[np.float32]
 DEAD = "dead"
 MOST, POINTS = 24, 32  # samples of a mean path, the heaviest of a class, and its points
 CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
 TURN = 0.15  # of an obstacle from one ring of its tube to the next at most [rad]
+ENDS = 8  # samples of a class whose robots are outlined where they end, the heaviest
 JUMP = 1e-6  # time over which an obstacle that starts over jumps [s]
 
 
@@ -70,12 +73,18 @@ def lift(points: Array, z: float | Array) -> Floats:
     return out
 
 
+def single(points: Array) -> Floats:
+    """Points (..., 3) in single precision, rounded as those of `lift` along x and y."""
+    return lift(points, points[..., 2])
+
+
 class Fan(NamedTuple):
     """Sampled paths of one class, or of those that died."""
 
     strips: Floats  # (k, l, 3)
     moments: Array  # (k, l) when each point is reached, from the plan on [s]
     opacity: Array  # (k,) grows with the weight
+    ends: Array  # (k, 3) pose where each ends
 
 
 def fans(
@@ -96,14 +105,36 @@ def fans(
         length = max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
     top = max(float(estimate.weight.max()), np.finfo(float).tiny)  # earlier samples may have all the weight
     drawn, times = {}, estimate.rollouts.tables.times
+    adapter = adapter_of(path_integral.problem.dynamics.states)
     for name, group in chosen.items():
         states, steps = path_integral.replay.trace(estimate.rollouts, group[::-1])  # the heavy ones last, on top
         opacity = np.sqrt(estimate.weight[group[::-1]] / top)
         # Steps may be unequal; points are even in time.
         at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
-        strips = lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02 * (1.0 + opacity[:, None]))
-        drawn[name] = Fan(strips=strips, moments=times[at], opacity=opacity)
+        ends = adapter.poses(states[np.arange(len(steps)), steps])
+        places = adapter.drawn(np.take_along_axis(states, at[:, :, None], axis=1), 0.02 * (1.0 + opacity[:, None]))
+        drawn[name] = Fan(strips=single(places), moments=times[at], opacity=opacity, ends=ends)
     return drawn
+
+
+def rings(footprint: Footprint, poses: Array) -> Array:
+    """Return the outlines of a footprint at poses (k, 3), closed, (k, c + 1, 2) [m]."""
+    found = footprint.at(poses)
+    return np.concatenate([found, found[:, :1]], axis=1)
+
+
+def heavy_ends(footprint: Footprint, fan: Fan) -> Array:
+    """Return the outlines of a robot with corners where the heaviest samples of a class end, (k, c + 1, 2) [m]."""
+    return rings(footprint, fan.ends[-ENDS:] if not footprint.is_disc else fan.ends[:0])
+
+
+def headed(line: Array, count: int) -> Array:
+    """Return poses at equal distances along a polyline (k, 2) or (k, 3), headed along it, (count, 3)."""
+    if line.shape[1] == 3:
+        return at_most(line, count)
+    places = even(line, 8 * count)
+    ahead = np.gradient(places, axis=0)
+    return at_most(np.column_stack([places, np.arctan2(ahead[:, 1], ahead[:, 0])]), count)
 
 
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
@@ -139,7 +170,7 @@ def remaining(homology: Signature, reference: Reference, line: Array, obstacle: 
 def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str]) -> dict[str, Array]:
     """Per class, named by additive key, the weighted mean of its heaviest samples at equal shares of their time.
 
-    (POINTS, 2) [m]; if it touches something, the sample nearest to it.
+    Positions (POINTS, 2) [m]; if it touches something, the sample nearest to it.
     """
     paths, found = estimate.rollouts.paths, {}
     arrived = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0)
@@ -151,7 +182,8 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
         if len(group):
             states, steps = path_integral.replay.trace(estimate.rollouts, group)
             times = estimate.rollouts.tables.times[: states.shape[1]]
-            whole = zip(states[..., :2], times[steps], strict=True)
+            position = adapter_of(path_integral.problem.dynamics.states).position
+            whole = zip(states[..., position], times[steps], strict=True)
             lines = np.array([interpolated(line, times, share * end) for line, end in whole])
             mean = np.average(lines, axis=0, weights=estimate.weight[group])
             free = path_integral.space.collision.segments_free(mean[:-1], mean[1:]).all()

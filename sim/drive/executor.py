@@ -13,7 +13,7 @@ Moving obstacles are where their motions say at the end of each step, by the pla
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, hypot, inf, sqrt
+from math import ceil, dist, inf, sqrt
 
 import mujoco
 import numpy as np
@@ -21,15 +21,17 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.collision import Collision, touches
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.scene import ROUNDING, Scene, Workspace
 from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.traits import Traits
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import Stance
+from sim.mjcf.footprint import collision_of
 from sim.mjcf.obstacles import Mocap
 from sim.mjcf.robot import check_motion
+from sim.states import StateAdapter, adapter_of
 from sim.systems import named
 
 BALLS = ("robot/footprint", "robot/inner footprint")  # geoms, one of which collides where the robot is a ball
@@ -44,50 +46,77 @@ class ClearanceChecker:
     """Clearance of the robot itself among static and moving obstacles; that of static ones may be known already.
 
     Clearance is 1-Lipschitz: around a place that has some there is a disc that is free. FCL is queried only where the
-    last disc does not bound it well enough.
+    last disc does not bound it well enough. A robot with corners is examined where the disc around it is not free.
     """
 
-    def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
+    def __init__(self, scene: Scene, states: StateAdapter, clearance: Clearance | None = None) -> None:
+        self._position = states.position
         static = Workspace(scene.lower, scene.upper, scene.obstacles)
-        self._clearance = clearance or Collision(static, scene.body).clearance
-        self._crowd = MovingObstacles(scene.movers, scene.body) if scene.movers else None
-        self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
+        body = scene.body
+        around = body if body.is_disc else Footprint.disc(body.reach, height=body.height)
+        self._clearance = clearance or Collision(static, around).clearance
+        self._crowd = MovingObstacles(scene.movers, around) if scene.movers else None
+        self._states, self._reach = states, 0.0 if body.is_disc else body.reach
+        self._exact = None if body.is_disc else collision_of(static, body).clearance
+        self._disc: tuple[float, list[float] | None] = -inf, None  # the last static clearance [m], and where
 
     def least(self, states: Array, times: Array) -> float:
         """Return the least clearance at states (k, n) and times (k,) [s], the last ones next to the robot now [m].
 
         It is 0 in a collision.
         """
-        static = self._clearance(states[:, :2])
-        self._disc = float(static[-1]), float(states[-1, 0]), float(states[-1, 1])
+        places = states[:, self._position]
+        static = self._clearance(places)
+        if self._exact is not None:
+            return max(0.0, float(self._exact(self._states.poses(states)).min()))
+        self._disc = float(static[-1]), places[-1].tolist()
         free = float(static.min())
         if self._crowd is not None:
             for x, now in zip(states, times, strict=True):
                 if self._crowd.surely(x, now) < free:
-                    free = min(free, self._crowd.clearance(x[:2], now))
+                    free = min(free, self._crowd.clearance(x[self._position], now))
         return max(0.0, free)
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
         """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
-        way = x - before
-        length = hypot(way[0], way[1])
-        if not self._static(x, length) > length and touches(
-            lambda s: self._static(before + s * way) + ROUNDING, lambda a, b: (b - a) * length, undecided=False
-        ):
-            return True
-        return self._crowd is not None and self._crowd.meets(before[:2], begin, x[:2], now)
+        start = before[self._position]
+        end = x[self._position]
+        there = end.tolist()
+        length = dist(start.tolist(), there)
+
+        def clear(s: float) -> float:
+            return self._static((start + s * (end - start)).tolist()) + ROUNDING
+
+        if not self._static(there, length) > length and touches(clear, lambda a, b: (b - a) * length, undecided=False):
+            return self._exact is None or self._touching(before, x)
+        return self._crowd is not None and self._crowd.meets(start, begin, end, now)
+
+    def _touching(self, before: Array, x: Array) -> bool:
+        """Check for anything between two states that touches a robot with corners."""
+        assert self._exact is not None
+        exact, begin, end = self._exact, self._states.poses(before), self._states.poses(x)
+        moved = dist(before[self._position], x[self._position]) + self.turning(before, x)
+
+        def clear(s: float) -> float:
+            return float(exact((begin + s * (end - begin))[None])[0])  # never less than 0
+
+        return touches(clear, lambda a, b: (b - a) * moved, undecided=False)
+
+    def turning(self, before: Array, x: Array) -> float:
+        """Bound how far corners go by turning from one state to the next [m]; a disc has none."""
+        return self._reach * float(abs(self._states.poses(x) - self._states.poses(before))[2]) if self._reach else 0.0
 
     def travel(self, before: Array, x: Array, begin: float, now: float) -> float:
         """Bound how far a robot goes from one state to the next and an obstacle meanwhile, together [m]."""
         moved = 0.0 if self._crowd is None else self._crowd.travel(begin, now)
-        return hypot(x[0] - before[0], x[1] - before[1]) + moved
+        return dist(x[self._position], before[self._position]) + self.turning(before, x) + moved
 
-    def _static(self, x: Array, enough: float = inf) -> float:
-        free, at_x, at_y = self._disc
-        free -= hypot(x[0] - at_x, x[1] - at_y)
+    def _static(self, place: list[float], enough: float = inf) -> float:
+        free, known = self._disc
+        free = -inf if known is None else free - dist(place, known)
         if free < enough:
-            free = float(self._clearance(x[None, :2])[0])
-            self._disc = free, float(x[0]), float(x[1])
+            free = float(self._clearance(np.array([place]))[0])
+            self._disc = free, place
         return free
 
 
@@ -133,11 +162,12 @@ class Plant:
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
         """Continue in this problem, of the same robot: among its obstacles, to its goal, under its noise."""
-        self._problem, self._checker = problem, ClearanceChecker(problem.scene, clearance)
+        self._problem, self._states = problem, adapter_of(problem.dynamics.states)
+        self._checker = ClearanceChecker(problem.scene, self._states, clearance)
 
     @property
     def state(self) -> Array:
-        """State (n,): x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities [m/s]."""
+        """State (n,), its headings unwrapped."""
         return self._state.copy()
 
     @property
@@ -163,11 +193,12 @@ class Plant:
         x = self.state
         scene = self._problem.scene
 
-        left, low = scene.lower.tolist()
-        right, high = scene.upper.tolist()
-        gx, gy = scene.goal.center.tolist()
+        position = self._states.position
+        lower = scene.lower.tolist()
+        upper = scene.upper.tolist()
+        goal = scene.goal.center.tolist()
 
-        at_x, at_y = x[:2].tolist()
+        place = x[position].tolist()
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
         controls = np.empty_like(noise)
         states = np.empty((self._count, len(x)))
@@ -183,14 +214,14 @@ class Plant:
             u[:] = control_at(x, k * h)
             cost += (problem.rate(x) + 0.5 * float(u.dot(problem.control_cost(x)).dot(u))) * h
             before = x
-            was_at_x, was_at_y = at_x, at_y
+            last = place
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
-            at_x, at_y = x[:2].tolist()
-            length += hypot(at_x - was_at_x, at_y - was_at_y)
-            if not (left < at_x < right and low < at_y < high) or self._touching(before, x):
+            place = x[position].tolist()
+            length += dist(place, last)
+            if not _within(lower, place, upper) or self._touching(before, x):
                 outcome = Outcome.COLLISION
-            elif hypot(at_x - gx, at_y - gy) <= scene.goal.radius:
+            elif dist(place, goal) <= scene.goal.radius:
                 outcome = Outcome.GOAL
             k += 1
         if not np.isfinite(cost):
@@ -207,6 +238,11 @@ class Plant:
         return self._checker.blocked(before, x, self.time - self.physics_step, self.time)
 
 
+def _within(lower: list[float], place: list[float], upper: list[float]) -> bool:
+    """Return whether a position lies strictly inside a box."""
+    return all(low < at < high for low, at, high in zip(lower, place, upper, strict=True))
+
+
 class Executor(Plant):
     """The robot in MuJoCo, whose contacts are collisions; `data` is MuJoCo's state, for pictures."""
 
@@ -220,7 +256,7 @@ class Executor(Plant):
             raise OptionError(f"{loaded.unfit}; or give --robot FILE.xml, or --plant sde, which drives no joints")
         check_motion(model, called, problem.dynamics, loaded.command)
         self.data = mujoco.MjData(model)
-        self._stance = Stance(model, loaded.states)
+        self._joints = loaded.adapter.joints(model)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
         self._mocap = Mocap(model, loaded.scene.movers) if loaded.scene.movers else None
         balls = [model.geom(i) for i in range(model.ngeom) if model.geom(i).name in BALLS]
@@ -244,7 +280,7 @@ class Executor(Plant):
         dynamics = self._problem.dynamics
         twist = dynamics.twist(self._state, dynamics.idle(self._state))
         mujoco.mj_resetDataKeyframe(self._model, self.data, 0)
-        self._stance.place(self.data, self._state, twist, self._command.dot(twist))
+        self._joints.place(self.data, self._state, twist, self._command.dot(twist))
         if self._mocap is not None:
             self._mocap.place(self.data, time)
         mujoco.mj_step1(self._model, self.data)
@@ -256,7 +292,7 @@ class Executor(Plant):
         if self._mocap is not None:
             self._mocap.place(self.data, self.time)
         mujoco.mj_step1(self._model, self.data)
-        return self._stance.read(self.data, x)
+        return self._joints.read(self.data, x)
 
     def _touching(self, before: Array, x: Array) -> bool:
         if self._contacts(self.data):
@@ -277,7 +313,7 @@ class Executor(Plant):
         poses = min(ceil(self._checker.travel(before, x, begin, self.time) / apart), MOST_POSES)
         mujoco.mj_copyData(data, self._model, self.data)
         for share in np.arange(1, poses) / poses:
-            self._stance.place(data, before + share * (x - before), np.zeros(2), data.ctrl)
+            self._joints.place(data, before + share * (x - before), np.zeros(2), data.ctrl)
             if self._mocap is not None:
                 self._mocap.place(data, begin + share * h)
             mujoco.mj_fwdPosition(self._model, data)

@@ -35,6 +35,7 @@ from pirrht.traits import Traits
 from sim.drawing.colors import title
 from sim.drive.executor import Advance, ClearanceChecker
 from sim.drive.result import FIGURES
+from sim.states import adapter_of
 
 CHORD = 2.5  # times lambda / q: 0.05 s at the point's b = 0.1, 0.45 s at 0.3
 GRACE = 1e-9  # by which sums of periods may miss the time [s]
@@ -46,10 +47,10 @@ Risk = Callable[[Plan], CollisionProbability | None]
 
 
 class Length:
-    """The length of a path that goes on, from its start at x (n,)."""
+    """The length of a path that goes on, from its start at a position [m]."""
 
-    def __init__(self, x: Array) -> None:
-        self._first = self._begun = [float(x[0]), float(x[1])]  # of the path, and of the chord
+    def __init__(self, place: Array) -> None:
+        self._first = self._begun = place.tolist()  # of the path, and of the chord
         self._problem: Problem | None = None  # whose noise the last states had
         self._steps, self._chords = 0, 0.0  # of the chord that has begun, and length of complete ones [m]
         self.noisy = self.total = 0.0  # with its noise, and without: between the distance of its ends and that [m]
@@ -60,7 +61,7 @@ class Length:
         if problem is not self._problem:
             self._problem, self._spread = problem, spread(problem, states[0])
         each, chord = max(1, round(CHORD * problem.temperature / problem.least_rate / step)), 0.0
-        for place in states[:, :2].tolist():
+        for place in states[:, adapter_of(problem.dynamics.states).position].tolist():
             self._steps += 1
             chord = sqrt(max(0.0, dist(self._begun, place) ** 2 - self._spread * self._steps * step))
             if self._steps >= each:
@@ -203,9 +204,10 @@ class EpisodeMetrics:
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
         self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
-        self._length = Length(x)
+        self._adapter = adapter_of(task.problem.dynamics.states)
+        self._length = Length(x[self._adapter.position])
         self._driven = Driven(task.homology, x)
-        self._space, self._checker = task.space, ClearanceChecker(task.space.scene)
+        self._space, self._checker = task.space, ClearanceChecker(task.space.scene, self._adapter)
         self.min_clearance = self._checker.least(x[None], np.zeros(1))
 
     def frame(self, made: TimedPlan, advance: Advance, late: Array | None = None) -> Frame:
@@ -220,7 +222,7 @@ class EpisodeMetrics:
                 self._driven.enter(plan.space.homology)
             else:
                 self._driven = Driven(task.homology, plan.state, begin)
-            self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
+            self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene, self._adapter)
         clearance = self._checker.least(plan.state[None], np.array([begin]))
 
         self.time = begin + advance.time

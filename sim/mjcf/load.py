@@ -9,7 +9,7 @@ The joined model takes timestep and looks from the scene; gravity, contact model
 `robot/`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
@@ -20,30 +20,28 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Motion
-from pirrht.geometry.scene import ROUNDING, Goal, Scene
+from pirrht.geometry.scene import ROUNDING, Scene
 from sim.mjcf import obstacles
-from sim.mjcf.coordinates import Stance
 from sim.mjcf.edits import freeze, leave_out, loosen
+from sim.mjcf.footprint import footprint_of, rectangle_of
 from sim.mjcf.library import Faults, compile_spec, delete, find, listed, parse, prefixed, refused, robot_names
 from sim.mjcf.obstacles import MOTION, Mask, geom_label, site_of
 from sim.mjcf.robot import Robot, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
-from sim.systems import POSE
+from sim.states import StateAdapter, adapter_of
 from sim.text import counted, suggestion
 
 _FROM_ROBOT = (
     *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
     *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
 )  # options of the physics
-_GEOM = mujoco.mjtGeom
-SMALLER = ", or choose a smaller --radius"
+SMALLER = ", or choose a smaller --radius or --footprint"
 DECOMPOSE = "`pirrht import MESH --decompose` makes convex parts of a mesh"
-REACH = 1e4  # of a goal at most [m]
 DEFAULT = "puck"  # the robot of scenes that name none
 ABOUT = "pirrht_about"  # a sentence on the scene
-TURNED = 1e3  # heading of a start at most [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,6 +63,11 @@ class Loaded:
     notes: tuple[str, ...] = ()  # lines on what of the file was changed, or is not what it looks like
     margin: float = 0.0  # by which the footprint has been made larger [m]
     unfit: str = ""  # why MuJoCo cannot move the robot as its system does
+
+    @property
+    def adapter(self) -> StateAdapter:
+        """Adapter of the system's states."""
+        return adapter_of(self.states)
 
     def __repr__(self) -> str:
         return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
@@ -93,20 +96,21 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     with prefixed(f"{path}: "):
         motions, notes = _edited(spec, task, path, loose=loose)
         about, meant, defaults = faults.of(_custom, spec) or ("", DEFAULT, {})
-    radius = defaults.get("radius") if task.radius is None else task.radius
+    radius, footprint = _shape(task, defaults)
     margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
-    robot = read_robot(task.robot or meant, radius, task.system, margin=margin)
+    robot = read_robot(task.robot or meant, radius, task.system, footprint=footprint, margin=margin)
     with prefixed(f"{path}: "):
         model = _join(spec, robot, path)
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
         faults.of(_refuse_actuators, model, len(robot.command))
-        span = max(robot.height - robot.radius, 0.0), robot.height + robot.radius
-        solids = obstacles.read_obstacles(model, data, mine, span, faults)
-        borders = faults.of(obstacles.read_workspace, model, data, task.workspace)
-        goal = faults.of(_goal, model, data, task.goal)
-        start = faults.of(_start, model, data, task.start)
+        met = obstacles.read_obstacles(model, data, mine, robot.span, faults)
+        solids = {geom: robot.meets(solid) for geom, solid in met.items()}
+        adapter = robot.system.adapter
+        borders = faults.of(obstacles.read_workspace, model, data, task.workspace, adapter.dimension)
+        goal = faults.of(adapter.goal, model, data, site_of(model, "goal"), task.goal)
+        start = faults.of(adapter.start, data, site_of(model, "start"), task.start)
         faults.refuse()
         assert borders is not None and goal is not None and start is not None  # noqa: PT018
         if concave := obstacles.concave_meshes(model, solids):
@@ -115,23 +119,36 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         moving = obstacles.moved_geoms(model, motions)
         movers = obstacles.read_movers(model, data, motions, solids)
         values = Scene(
-            name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, robot_radius=robot.radius,
+            name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, footprint=robot.footprint,
             obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
-            robot_height=robot.height, margin=max(robot.radius - robot.reach, 0.0), defaults=defaults,
+            robot_height=robot.footprint.height, margin=robot.margin, defaults=defaults,
         )  # fmt: skip
-        if (left := _margin_left(values, margin, task)) is not None:
+        if (left := _margin_left(values, margin, task, adapter.text(start))) is not None:
             return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
         mask = np.isin(np.arange(model.ngeom), [*solids])
         model.geom_contype[~(mask | mine)] = model.geom_conaffinity[~(mask | mine)] = 0  # the robot touches these alone
         model.geom_margin[:] = model.geom_gap[:] = 0  # which the planner does not know
         _place(model, data, robot, start)
-        _check_start(model, data, mask, concave, task)
+        _check_start(model, data, mask, concave, task, adapter.text(start))
     return Loaded(
         scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
         dynamics_name=robot.system.name, states=robot.system.states, command=robot.command, robot=robot.name,
         meant=read_robot(meant, None).system.name if task.robot or task.system is not None else robot.system.name,
         notes=tuple(note for note in notes if note), unfit=robot.unfit, margin=margin,
     )  # fmt: skip
+
+
+def _shape(task: SceneOptions, defaults: dict[str, Any]) -> tuple[float | None, Footprint | None]:
+    """Return the radius [m] of a robot, or its footprint with corners, as a task or else a scene has it; else None."""
+    of_scene = defaults.pop("footprint", None)
+    if task.footprint is not None and task.radius is not None:
+        raise OptionError("--footprint and --radius both say what the robot's shape is; leave one of them out")
+    if task.radius is not None:
+        return task.radius, None
+    shape = of_scene if task.footprint is None else footprint_of(task.footprint)
+    if shape is None:
+        return defaults.get("radius"), None
+    return (shape.radius, None) if shape.is_disc else (None, shape)
 
 
 def _edited(
@@ -165,7 +182,7 @@ def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     return compile_spec(spec, path)
 
 
-def _margin_left(scene: Scene, margin: float, task: SceneOptions) -> float | None:
+def _margin_left(scene: Scene, margin: float, task: SceneOptions, at: str) -> float | None:
     """Return what a moving obstacle leaves of a margin at the start [m]; None: all. SceneError: they collide."""
     clearance, body = obstacles.clearance_at_start(scene)
     if clearance > 0.0:
@@ -174,17 +191,16 @@ def _margin_left(scene: Scene, margin: float, task: SceneOptions) -> float | Non
         return left
     elsewhere = 'move site "start"' if task.start is None else "choose another --start"
     raise SceneError(
-        f'at the start ({scene.start[0]:g}, {scene.start[1]:g}) the robot touches body "{body}" (by {-clearance:.3g} '
+        f'at the start {at} the robot touches body "{body}" (by {-clearance:.3g} '
         f"m), and it moves: {elsewhere}, or write another first row of its motion"
     )
 
 
 def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Array) -> None:
-    """Make the keyframe in which the robot is at rest at a start (3,) [m, m, rad]."""
-    states = robot.system.states
+    """Make the keyframe in which the robot is at rest at a scene's start."""
+    adapter = robot.system.adapter
     model.key_qpos[0] = robot.rest
-    place = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
-    Stance(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
+    adapter.joints(model).place(data, adapter.state_of(start), np.zeros(2), np.zeros(model.nu))
     model.key_qpos[0] = data.qpos
 
 
@@ -198,10 +214,10 @@ def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
         )
 
 
-def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
+def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, Any]]:
     """What a scene is about, the robot that it is meant for, and its defaults of options by their names."""
     texts, numerics = ({e.name: e for e in es if not e.name.startswith(MOTION)} for es in (spec.texts, spec.numerics))
-    options = {"pirrht_" + name.replace("-", "_"): name for name in NUMERICS}
+    options = {"pirrht_" + name.replace("-", "_"): name for name in (*NUMERICS, "footprint")}
     for kind, elements, known in (("text", texts, ("pirrht_robot", ABOUT)), ("numeric", numerics, options)):
         for name in elements:
             if name.startswith("pirrht_") and name not in known:
@@ -211,11 +227,15 @@ def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
     if (robot or DEFAULT) not in robot_names():
         like = suggestion(robot, robot_names())
         raise SceneError(f'custom text "pirrht_robot" is "{robot}"{like}; write one of {", ".join(robot_names())}')
-    defaults = {}
+    defaults: dict[str, Any] = {}
     for name in (name for name in numerics if name in options):
         label = f'custom numeric "{name}"'
         values = list(numerics[name].data)
 
+        if options[name] == "footprint":
+            with refused("", "", OptionError):
+                defaults["footprint"] = rectangle_of(values, label)
+            continue
         if len(values) != 1 or isnan(values[0]):
             raise SceneError(f"{label} is {values}; write one finite number")
         with refused("", "", OptionError):
@@ -224,49 +244,17 @@ def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
     return about, robot or DEFAULT, defaults
 
 
-def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> Goal:
-    site, remedy = site_of(model, "goal"), '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
-    if given is None and site < 0:
-        raise SceneError(f'no site "goal"; add {remedy} or give --goal X Y R')
-    if given is None:
-        kind = _GEOM(int(model.site_type[site]))
-        upright = abs(data.site_xmat[site, 8]) >= 1 - 1e-6
-
-        if kind != _GEOM.mjGEOM_SPHERE and not (kind == _GEOM.mjGEOM_CYLINDER and upright):
-            raise SceneError(f'site "goal" is no sphere or upright cylinder; write {remedy}')
-        given = [*data.site_xpos[site, :2], model.site_size[site, 0]]
-    if len(given) != 3:
-        raise SceneError(f"the goal has {counted(len(given), 'number')}; give x, y and radius, and no heading")
-    if given[2] > REACH:
-        raise SceneError(f"the goal has a radius of {given[2]:g}; write at most {REACH:g} m")
-    return Goal(center=np.array(given[:2], dtype=float), radius=float(given[2]))
-
-
-def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> Array:
-    if given is not None and len(given) not in (2, 3):
-        raise SceneError(f"the start has {counted(len(given), 'number')}; give x, y and optionally a heading")
-    site = site_of(model, "start")
-    if given is None and site < 0:
-        raise SceneError('no site "start"; add <site name="start" pos="x y 0"/> or give --start X Y')
-    heading = float(np.arctan2(data.site_xmat[site, 3], data.site_xmat[site, 0])) if site >= 0 else 0.0
-    place = [*(data.site_xpos[site, :2] if given is None else given), heading][:3]
-    if not abs(place[2]) <= TURNED:
-        raise SceneError(f"the start has the heading {place[2]:g}; write radians, from -{TURNED:g} to {TURNED:g}")
-    return np.array(place, dtype=float)
-
-
 def _check_start(
-    model: mujoco.MjModel, data: mujoco.MjData, solid: Mask, concave: Mapping[int, str], task: SceneOptions
+    model: mujoco.MjModel, data: mujoco.MjData, solid: Mask, concave: Mapping[int, str], task: SceneOptions, at: str
 ) -> None:
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
     touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if solid[g]]
     if touched:
-        x, y = model.key_qpos[0, :2]
         geom = int(touched[0])
         label, body = geom_label(model, geom), model.body(model.body_rootid[model.geom_bodyid[geom]]).name
         if geom in concave:
             label = f"the convex hull of {concave[geom]}, with which MuJoCo collides: {DECOMPOSE}"
         spare = f', leave out body "{body}" (--without)' if body and body != "world" else ""
         elsewhere = 'move site "start"' if task.start is None else "choose another --start"
-        raise SceneError(f"at the start ({x:g}, {y:g}) the robot touches {label}; {elsewhere}{spare}{SMALLER}")
+        raise SceneError(f"at the start {at} the robot touches {label}; {elsewhere}{spare}{SMALLER}")

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Motion, Mover, about_vertical
 from pirrht.geometry.scene import Kind, Obstacle, Scene
-from sim.mjcf.coordinates import GROUND, heading_of
 from sim.mjcf.library import FARTHEST, Faults, listed, prefixed, refuse_far, refused
+from sim.states.planar_joints import GROUND, heading_of
 
 Mask = NDArray[np.bool_]
 Faces = NDArray[np.int64]
@@ -56,28 +57,36 @@ def read_obstacles(
     return found
 
 
-def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> tuple[Array, Array]:
-    """Least and greatest corner (2,) [m]: as given, else of the site `workspace`, else of the first floor plane."""
+def read_workspace(
+    model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, dimension: int = 2
+) -> tuple[Array, Array]:
+    """Least and greatest corner [m], of as many coordinates as a position has.
+
+    They are as given, else of the site `workspace`, else of the first floor plane, which bounds no height.
+    """
     if given is not None:
         bounds = np.array(given, dtype=float)
-        if bounds.shape != (4,) or not np.all(np.abs(bounds) <= FARTHEST) or not np.all(bounds[::2] < bounds[1::2]):
+        numbers = bounds.shape == (2 * dimension,) and np.all(np.abs(bounds) <= FARTHEST)
+        if not (numbers and np.all(bounds[::2] < bounds[1::2])):
             raise SceneError(f"the workspace {bounds.tolist()} is empty; give x0 < x1 and y0 < y1")
         return bounds[::2], bounds[1::2]
     site = site_of(model, "workspace")
     if site >= 0:
         if model.site_type[site] != _GEOM.mjGEOM_BOX:
             raise SceneError('site "workspace" must be a box; write type="box" and its half sizes')
-        return _extent('site "workspace"', data.site_xpos[site], data.site_xmat[site], model.site_size[site])
+        least, most = _extent('site "workspace"', data.site_xpos[site], data.site_xmat[site], model.site_size[site])
+        return least[:dimension], most[:dimension]
     remedy = '<site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
     remedy = f"add {remedy} or give --workspace X0 X1 Y0 Y1"
     planes = np.flatnonzero((model.geom_type == _GEOM.mjGEOM_PLANE) & (data.geom_xmat[:, 8] > _UP)).tolist()
-    floor = next((geom for geom in planes if model.geom(geom).name != f"robot/{GROUND}"), None)
+    floor = next((geom for geom in planes * (dimension == 2) if model.geom(geom).name != f"robot/{GROUND}"), None)
     if floor is None:
         raise SceneError(f'no site "workspace" and no horizontal floor plane; {remedy}')
     size = model.geom_size[floor, :2]
     if not np.all(size > 0):
         raise SceneError(f"{geom_label(model, floor)} is infinite and bounds nothing; give it half sizes or {remedy}")
-    return _extent(geom_label(model, floor), data.geom_xpos[floor], data.geom_xmat[floor], np.append(size, 0.0))
+    least, most = _extent(geom_label(model, floor), data.geom_xpos[floor], data.geom_xmat[floor], np.append(size, 0.0))
+    return least[:dimension], most[:dimension]
 
 
 def site_of(model: mujoco.MjModel, name: str) -> int:
@@ -172,7 +181,7 @@ def _extent(what: str, centre: Array, rotation: Array, size: Array) -> tuple[Arr
     if np.any(np.minimum(turn, np.abs(1 - turn)) > 1e-6):
         raise SceneError(f"{what} is askew; the domain is aligned with the axes: turn it by quarter turns")
     half = turn @ size
-    return np.array(centre[:2] - half[:2]), np.array(centre[:2] + half[:2])
+    return np.array(centre - half), np.array(centre + half)
 
 
 def mesh_of(model: mujoco.MjModel, geom: int) -> tuple[Array, Faces]:
@@ -285,12 +294,13 @@ def read_movers(
 
 
 def clearance_at_start(scene: Scene) -> tuple[float, str]:
-    """Clearance of the footprint from the nearest moving obstacle where the robot starts [m], and the body's name."""
+    """Clearance of the footprint's disc from the nearest moving obstacle at the start [m], and the body's name."""
     if not scene.movers:
         return inf, ""
     from pirrht.moving.collision import MovingObstacles  # FCL is slow to import, and few scenes move
 
-    crowds = {mover.name: MovingObstacles([mover], scene.footprint) for mover in scene.movers}
+    disc = Footprint.disc(scene.robot_radius, height=scene.robot_height)
+    crowds = {mover.name: MovingObstacles([mover], disc) for mover in scene.movers}
     return min((float(crowd.clearance(scene.start[:2], 0.0)), name) for name, crowd in crowds.items())
 
 

@@ -1,15 +1,15 @@
-"""Robot files: what they must declare, and how a radius and a physics step are applied to them.
+"""Robot files: what they must declare, and how a radius, a footprint and a physics step are applied to them.
 
 Body `robot` is the root, at the origin. Slides along x and y [and a hinge about z] move it, whose positions are the
 state; or a free joint and wheels, which touch the robot's own infinite plane `ground` by contact pairs. The sphere
 geom `footprint` has the radius and height with which the robot plans: if it collides, another radius scales the whole
-robot, else whatever collides must lie inside it. Actuators are velocity servos tuned for the file's own timestep, or
-motors where velocities are states. The text `pirrht_dynamics` names a registered system; the numeric `pirrht_command`
-is, row by row, the (nu, k) matrix M of ctrl = M @ twist.
+robot, else whatever collides must lie inside it. Without it a robot with a heading plans as the hull of what collides,
+seen from above. Actuators are velocity servos tuned for the file's own timestep, or motors where velocities are states.
+The text `pirrht_dynamics` names a registered system; the numeric `pirrht_command` is, row by row, the (nu, k) matrix M
+of ctrl = M @ twist.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -18,16 +18,18 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.obstacle import Obstacle
 from pirrht.systems.dynamics import Dynamics
-from sim.mjcf.coordinates import GROUND, Stance, rolls, turn_to
+from sim.mjcf.footprint import Span, fit_looks, give_prism, of_geoms, span_of, upright
 from sim.mjcf.library import compile_spec, find, parse, prefixed
 from sim.mjcf.obstacles import mesh_of
-from sim.systems import POSE, SPEED, VELOCITIES, System, named, names
+from sim.states import StateAdapter, adapter_of
+from sim.systems import System, named, names
 from sim.text import counted
 
-_GEOM, _JOINT = mujoco.mjtGeom, mujoco.mjtJoint
-_SINKAGE = 0.002  # of a robot at rest: height [m], and 1 - cosine of half the tilt
-_SETTLING = 2.0  # time in which a robot on wheels comes to rest [s]
+_GEOM = mujoco.mjtGeom
+NO_DISC = 'sphere geom "footprint" in its body "robot"'
 _INNER = ("type", "size", "pos", "group", "rgba", "contype", "conaffinity", "mass", "density")
 
 
@@ -39,50 +41,112 @@ class Robot:
     spec: mujoco.MjSpec
     system: System  # its dynamics and states
     command: Array  # (nu, k) M of ctrl = M @ twist
-    radius: float  # of the footprint [m]
-    reach: float  # of what collides, off the footprint's centre [m]
-    height: float  # of the footprint's centre above the ground [m]
+    footprint: Footprint  # as which it plans, with the margin; its height is above the ground
+    margin: float  # part of the footprint by which it is larger than what collides [m]
+    span: Span  # least and greatest height at which it meets obstacles [m]
     rest: Array  # (nq,) joint positions at the origin, heading along x
     rolling: bool  # whether wheels carry it, instead of joints
     unfit: str = ""  # why MuJoCo cannot move it as a given system does
 
+    def meets(self, obstacle: Obstacle) -> Obstacle:
+        """Return an obstacle as plans see it: for a robot with corners upright over its heights."""
+        return obstacle if self.footprint.is_disc else upright(obstacle, self.span)
 
-def read_robot(which: str | Path, radius: float | None, system: System | None = None, *, margin: float = 0.0) -> Robot:
-    """The robot of that name or path, with its footprint changed to `radius` > 0 [m] and its system if they are given.
 
-    By the margin [m] the footprint is larger than that, and than what collides.
+def read_robot(
+    which: str | Path, radius: float | None, system: System | None = None, *, footprint: Footprint | None = None,
+    margin: float = 0.0,
+) -> Robot:  # fmt: skip
+    """The robot of that name or path, its radius > 0 [m] or its footprint and its system changed if they are given.
+
+    A footprint is one with corners. By the margin [m] it, or the disc, is larger than that, and than what collides.
     """
     path = find("robot", which)
     spec = parse(path)
     with prefixed(f"{path}: "):
         body, foot = _body_and_footprint(spec)
         moved = _declared_system(spec) if system is None else system
-        if radius is not None:
-            _resize(spec, body, foot, radius)
-        if margin > 0.0:
-            _widen(body, foot, margin)
-        model = compile_spec(spec, path)
-        unfit = _check_joints(model, moved)
+        if footprint is not None or foot is None:
+            shape, span = _corners(spec, path, body, foot, footprint, radius, moved)
+            shape = shape.grown(margin)
+            model = compile_spec(spec, path)
+        else:
+            model = _disc(spec, path, body, foot, radius, margin)
+            shape, margin = _checked_disc(model)
+            span = span_of(shape)
+        _check_place(model)
+        unfit = moved.adapter.unfit(model, moved.name)
         command = _command(spec, int(model.nu), moved.twists if system is None else None)
         # Another system may do without MuJoCo; the plant sees to it where it does not.
-        if system is None and (wrong := unfit or _wrong_actuator(model, moved.states, moved.name)):
+        if system is None and (wrong := unfit or _wrong_actuator(model, moved.adapter, moved.name)):
             raise SceneError(wrong)
         return Robot(
-            name=path.stem, spec=spec, system=moved, reach=_checked_reach(model), command=command, rest=_rest(model),
-            radius=float(model.geom("footprint").size[0]), height=float(model.geom("footprint").pos[2]),
-            rolling=rolls(model), unfit=unfit and f"{path}: {unfit}",
+            name=path.stem, spec=spec, system=moved, footprint=shape, margin=margin, span=span, command=command,
+            rest=moved.adapter.rest(model), rolling=moved.adapter.joints(model).rolls,
+            unfit=unfit and f"{path}: {unfit}",
         )  # fmt: skip
 
 
-def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.MjsGeom]:
-    """Return the body `robot` of a file and the sphere geom `footprint` in it; SceneError: one of them is not there."""
+def _body_and_footprint(spec: mujoco.MjSpec) -> tuple[mujoco.MjsBody, mujoco.MjsGeom | None]:
+    """Return the body `robot` of a file and the sphere geom `footprint` in it, if there is one.
+
+    SceneError: there is no body, or none of its geoms collides.
+    """
     body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
     foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
-    if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
-        lacking = 'body "robot" in its worldbody' if body is None else 'sphere geom "footprint" in its body "robot"'
-        form = 'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear'
-        raise SceneError(f"this file has no {lacking}; add it: {form}")
+    solid = body is not None and any(g.contype or g.conaffinity for g in body.find_all("geom"))
+    if body is None or (foot is None and not solid) or (foot is not None and foot.type != _GEOM.mjGEOM_SPHERE):
+        raise SceneError(_lacking('body "robot" in its worldbody' if body is None else NO_DISC))
     return body, foot
+
+
+def _lacking(element: str) -> str:
+    """Return why a file is no robot, which lacks an element."""
+    form = (
+        'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear, or one '
+        "with a heading and geoms that collide, whose hull keeps clear"
+    )
+    return f"this file has no {element}; add it: {form}"
+
+
+def _corners(
+    spec: mujoco.MjSpec, path: Path, body: mujoco.MjsBody, foot: mujoco.MjsGeom | None, given: Footprint | None,
+    radius: float | None, system: System,
+) -> tuple[Footprint, Span]:  # fmt: skip
+    """Return shape and heights [m] of a robot with corners, as given, else of what collides; a given one does then."""
+    if radius is not None:
+        raise SceneError("a robot with corners has no radius to change; give --footprint instead of --radius")
+    if not system.adapter.turns:
+        if given is None:
+            raise SceneError(_lacking(NO_DISC))
+        raise SceneError(
+            f"a footprint with corners needs a heading, and {system.called} has none; choose a robot that has one, "
+            "such as the rover, or a disc (--radius)"
+        )
+    own, span = of_geoms(compile_spec(spec, path))
+    if given is not None and foot is not None:
+        span = span_of(replace(given, height=float(foot.pos[2])))
+    if given is not None:
+        fit_looks(spec, body, own, given)
+        give_prism(spec, body, given, span)
+    return replace(given or own, height=0.5 * (span[0] + span[1])), span
+
+
+def _disc(
+    spec: mujoco.MjSpec, path: Path, body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float | None, margin: float
+) -> mujoco.MjModel:
+    """Return the model of a robot whose disc has another radius, if one is given, and a margin [m]."""
+    if radius is not None:
+        _resize(spec, body, foot, radius)
+    if margin > 0.0:
+        _widen(body, foot, margin)
+    return compile_spec(spec, path)
+
+
+def _checked_disc(model: mujoco.MjModel) -> tuple[Footprint, float]:
+    """Return the disc as which a robot plans, and by how much it is larger than what collides [m]."""
+    radius, height = float(model.geom("footprint").size[0]), float(model.geom("footprint").pos[2])
+    return Footprint.disc(radius, height=height), max(radius - _checked_reach(model), 0.0)
 
 
 def _declared_system(spec: mujoco.MjSpec) -> System:
@@ -152,67 +216,11 @@ def _command(spec: mujoco.MjSpec, nu: int, twists: int | None) -> Array:
     return data.reshape(nu, twists)
 
 
-def _check_joints(model: mujoco.MjModel, system: System) -> str:
-    """Refuse a robot that does not stand at the origin, or moves by joints of no pose.
-
-    Returns why they are not those of the states of a system; nothing if they are.
-    """
+def _check_place(model: mujoco.MjModel) -> None:
+    """Refuse a robot that does not stand at the origin."""
     root = model.body("robot")
     if not (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0])):
         raise SceneError('body "robot" must stand at the origin')
-    turns = "heading" in system.joints
-    if rolls(model):
-        _check_wheels(model)
-        no = f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'
-        return "" if turns else no
-    joints = (
-        f'body "robot" must have these joints, without ref, for the states ({", ".join(system.states)}) of '
-        f"{system.name}: slide along x, slide along y"
-        + (", hinge about z; or a free joint and wheels" if turns else "")
-    )
-    if not _slides(model):
-        raise SceneError(joints)
-    return "" if model.nq == len(system.joints) else joints
-
-
-def _slides(model: mujoco.MjModel) -> bool:
-    """Return whether a robot slides along x and y, perhaps turns about z at its origin, and has no other joint."""
-    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][: model.nq]
-    if model.nq < 2 or list(model.jnt_type) != types or np.any(model.qpos0):
-        return False
-    return np.allclose(model.jnt_axis, np.eye(3)[: model.nq]) and not np.any(model.jnt_pos[:, :2])
-
-
-def _check_wheels(model: mujoco.MjModel) -> None:
-    """Refuse a robot on wheels whose free joint, ground or actuators are not as they must be."""
-    if int(model.jnt_bodyid[0]) != model.body("robot").id:
-        raise SceneError('body "robot" must have the free joint itself')
-    ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
-    plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
-    if not plane or model.geom_contype[ground] or model.geom_conaffinity[ground]:
-        raise SceneError(
-            f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
-            "which wheels meet in contact pairs"
-        )
-    hinged = model.jnt_type[model.actuator_trnid[:, 0]] == _JOINT.mjJNT_HINGE
-    if not np.all((model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & hinged):
-        raise SceneError("every actuator of a robot on wheels must drive a hinge joint")
-
-
-def _rest(model: mujoco.MjModel) -> Array:
-    """Joint positions (nq,) at the origin, heading along x; of a robot on wheels once it has come to rest."""
-    rest: Array = model.qpos0.copy()
-    if rolls(model):
-        data = mujoco.MjData(model)
-        mujoco.mj_step(model, data, nstep=max(1, round(_SETTLING / model.opt.timestep)))
-        rest[2:7] = data.qpos[2:7]
-        turn_to(rest, 0.0)
-        if not (abs(rest[2]) < _SINKAGE and rest[3] > 1 - _SINKAGE):  # also when the simulation has diverged
-            raise SceneError(
-                f'body "robot" does not come to rest on wheels (height {rest[2]:.2g} m); let them and casters touch '
-                f'the plane z = 0 and give each a contact pair with geom "{GROUND}"'
-            )
-    return rest
 
 
 def _checked_reach(model: mujoco.MjModel) -> float:
@@ -252,16 +260,17 @@ def _reach(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array)
     return float(np.linalg.norm(offset + size))
 
 
-def _wrong_actuator(model: mujoco.MjModel, states: Sequence[str], system: str) -> str:
+def _wrong_actuator(model: mujoco.MjModel, states: StateAdapter, system: str) -> str:
     """What is wrong with actuators: servos where velocity is state, or motors where it is not; empty if nothing is."""
     motors = (  # whose force is their command times a constant, at once
         (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED)
         & (model.actuator_biastype == mujoco.mjtBias.mjBIAS_NONE)
         & (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE)
     )
-    forced = bool({*VELOCITIES, *SPEED} & set(states))
-    enough = motors.any() if "speed" in states else motors.all()  # of what has a speed, other actuators may steer
-    if enough if forced else not enough or set(states) - set(POSE):
+    forced = bool(states.rates)
+    steered = bool(set(states.speeds) & set(states.rates))  # by other actuators, perhaps
+    enough = motors.any() if steered else motors.all()
+    if enough if forced else not enough or not states.bare:
         return ""
     name = model.actuator(int(np.argmax(motors != forced))).name
     is_now, moved_by, other = ("no motor", "forces", "velocities") if forced else ("a motor", "velocities", "forces")
@@ -277,41 +286,42 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
 
     Errors call the dynamics as `system` says; `command` (nu, k) is M of ctrl = M @ twist.
     """
-    able = () if rolls(model) else (*VELOCITIES, *(SPEED if model.nq > 2 else ()))
-    has = POSE if rolls(model) else (*POSE[: model.nq], *able)
-    if missing := [name for name in dynamics.states if name not in has]:
+    states = adapter_of(dynamics.states)
+    joints = states.joints(model)
+    if missing := [name for name in states.states if name not in (*joints.names, *joints.rates)]:
         raise OptionError(
             f"in MuJoCo this robot has no {missing[0]}, which is a state of {system}; states that it can have are "
-            f"{', '.join((*POSE, *able))}: drive it with --plant sde"
+            f"{', '.join((*states.pose, *joints.rates))}: drive it with --plant sde"
         )
-    if wrong := _wrong_actuator(model, dynamics.states, system):
+    if wrong := _wrong_actuator(model, states, system):
         raise OptionError(f"{wrong}; a robot file of your own is --robot FILE.xml, and --plant sde needs none")
-    x = dynamics.state_of(np.array([*model.key_qpos[0, :2], 0.0]))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    x = joints.read(data, np.zeros(dynamics.n))
+    x[list(dynamics.angles)] = 0.0
     if command.shape[1] != (twists := len(dynamics.twist(x, dynamics.idle(x)))):
         raise OptionError(
             f"the robot's pirrht_command has {command.shape[1]} columns, and the twist of {system} has {twists} "
             "numbers: give it a column for each, or `twist` a number for each"
         )
-    names = [name for name in dynamics.states if name in (*VELOCITIES, *SPEED)]
-    if rolls(model) or not names:
+    names = [*states.rates]
+    if joints.rolls or not names:
         return
     # A step of MuJoCo from 1 m/s must be one of the equation. It turns by h: off by half of h^2, the speed is not kept.
     x[[dynamics.states.index(name) for name in names]] = 1.0
-    names += ["heading"] if "speed" in names else []
+    names += states.turns if set(states.speeds) & set(names) else ()
     kept = [dynamics.states.index(name) for name in names]
 
     h = model.opt.timestep
     still = np.zeros(dynamics.m)
-    stance = Stance(model, dynamics.states)
 
     for u in np.vstack([still, np.eye(dynamics.m)]) / max(1.0, float(np.abs(dynamics.G_c(x)).max())):
         ctrl = command.dot(dynamics.twist(x, dynamics.rate(x, u, still, h)))
-        data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
-        stance.place(data, x, np.zeros(2), ctrl)
+        joints.place(data, x, np.zeros(2), ctrl)
         data.ctrl[:] = ctrl
         mujoco.mj_step(model, data)
-        made, meant = ((after - x)[kept] / h for after in (stance.read(data, x), dynamics.step(x, u, still, h)))
+        made, meant = ((after - x)[kept] / h for after in (joints.read(data, x), dynamics.step(x, u, still, h)))
         if not np.allclose(made, meant, rtol=0.0, atol=0.1 * h):
             texts = ["(" + ", ".join(f"{v + 0.0:.4g}" for v in numbers) + ")" for numbers in (u, made, meant)]
             raise OptionError(

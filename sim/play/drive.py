@@ -21,12 +21,10 @@ from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Goal
 from sim.drive.executor import Advance, Control, Executor
 from sim.drive.metrics import Frame
-from sim.mjcf.coordinates import rolls
 from sim.mjcf.edits import PREFIX
+from sim.mjcf.footprint import collision_of
 from sim.play.events import GOAL, Event, Move, Push
 from sim.scenario import Driver, Scenario
 
@@ -143,8 +141,8 @@ class InteractivePlant(Executor):
         model.site_rgba[[i for i in range(model.nsite) if model.site(i).name == "goal"], 3] = 0.0
         # Actuators that hold velocities carry the robot along: a force of a moment does nothing against them.
         servos = bool(np.all(model.actuator_gainprm[:, 0] == -model.actuator_biasprm[:, 2]))
-        self._carried = servos and not rolls(model)
         super().__init__(scenario.loaded, scenario.problem, period=scenario.settings.period)
+        self._carried = servos and not self._joints.rolls
 
     def reset(self, state: Array, time: float = 0.0) -> None:
         """Start at a state (n,) at a time [s]; moved obstacles stay where they are."""
@@ -188,21 +186,23 @@ class InteractivePlant(Executor):
         """Put a body elsewhere, and return the scenario then; SceneError or OptionError if that cannot be."""
         if (row := self.rows.get(event.what)) is None:
             raise OptionError(f'there is no "{event.what}" that could be moved; there are {", ".join(self.rows)}')
-        x, s, states = self.state, self.scenario, self.scenario.system.states
+        x, s, states = self.state, self.scenario, self.scenario.system.adapter
         shift = np.array([*event.to, 0.0])
         if not event.relative:
             shift[:2] -= self.data.mocap_pos[row, :2]
-        heading = float(x[states.index("heading")]) if "heading" in states else 0.0
-        start = np.array([x[0], x[1], (heading + np.pi) % (2 * np.pi) - np.pi])
-        scene, loaded = replace(s.loaded.scene, start=start), s.loaded
+        scene, loaded = replace(s.loaded.scene, start=states.start_of(x)), s.loaded
         if event.what == GOAL:
-            scene = replace(scene, goal=Goal(center=scene.goal.center + shift[:2], radius=scene.goal.radius))
+            scene = replace(scene, goal=replace(scene.goal, center=scene.goal.center + shift[states.position]))
         else:
             bodies = self._model.body_rootid[self._model.geom_bodyid[loaded.obstacle_geoms & ~loaded.moving_geoms]]
             pairs = zip(scene.obstacles, self._model.body_mocapid[bodies] == row, strict=True)
             obstacles = (replace(o, position=o.position + shift) if is_it else o for o, is_it in pairs)
             scene = replace(scene, obstacles=tuple(obstacles))
-        clearances = Collision(scene.world, scene.footprint).clearance(np.array([x[:2], scene.goal.center]))
+        ends = np.array([x[states.position], scene.goal.center])
+        collision = collision_of(scene.world, scene.footprint)
+        clearances = collision.clearance(ends)
+        if not scene.footprint.is_disc:
+            clearances[0] = collision.clearance(states.poses(x[None]))[0]
         for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
             if clearance <= 0.0:
                 raise OptionError(f"the new place is on top of {place} or too close to it, so nothing moves")

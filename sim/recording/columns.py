@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from sim.states import ADAPTERS, Component
 
 if TYPE_CHECKING:
     from sim.drive.metrics import Frame
@@ -65,21 +68,14 @@ def _by_class(name: str) -> Values:
 
 
 CONTROL = "m/s, m/s^2 or 1"
-STATES = {  # unit and meaning of the entries of a state
-    "x": ("m", "position {}"),
-    "y": ("m", "position {}"),
-    "heading": ("rad", "heading of a car {}"),
-    "vx": ("m/s", "velocity along x of a mass {}"),
-    "vy": ("m/s", "velocity along y of a mass {}"),
-    "speed": ("m/s", "speed of a car ahead {}, where that is state"),
-    "state_K": ("", "entry K of the state {}, from 1, where it has no name here"),
-}
+UNNAMED = Component("", "entry K of the state {}, from 1, where it has no name here", "")
+STATES = dict(chain.from_iterable(one.components.items() for one in ADAPTERS)) | {"state_K": UNNAMED}
 
 
 def _states(prefix: str, when: str, turned: str, values: Values) -> list[Column]:
     return [
-        Column(prefix + name, unit, text.format(turned if name == "heading" else when), values, prefix[:-1] or "state")
-        for name, (unit, text) in STATES.items()
+        Column(prefix + name, c.unit, c.text.format(turned if c.turned else when), values, prefix[:-1] or "state")
+        for name, c in STATES.items()
     ]
 
 

@@ -23,7 +23,7 @@ from pirrht.errors import OptionError
 from sim.drawing.colors import title
 from sim.files import path_text, replaced, why_unreadable
 from sim.recording.columns import CLASSES, COLUMNS, Column
-from sim.systems import POSE
+from sim.states import ADAPTERS
 
 STEPS, TIMING, SETTINGS = "/steps", "/timing/plan", "/__properties/run"
 FORMATS = (".parquet", ".npz")
@@ -138,7 +138,7 @@ def _by_place(column: Column, recording: Recording) -> Table:
     rows = recording.values(column.component)
     width = max(map(len, rows))
     given = recording.settings.get("states")  # recordings of points and cars do not have them
-    states = given.split() if given else [*POSE, *["state"] * width][: len(recording.values("state")[0])]
+    states = given.split() if given else [*ADAPTERS[0].pose, *["state"] * width][: len(recording.values("state")[0])]
     missing = MISSING[column.kind]
     return {
         name: np.array([row[k] if k < len(row) else missing for row in rows], dtype=column.kind)

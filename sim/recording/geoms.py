@@ -12,7 +12,7 @@ from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.plotting.colors import Color
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import Stance
+from sim.states import adapter_of
 
 _GEOM = mujoco.mjtGeom
 _UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that names none
@@ -149,8 +149,7 @@ def painted(grid: Desirability, space: FreeSpace, time: float, pixels: int) -> N
 
 def values(grid: Desirability, points: Array, time: float) -> Array:
     """Return v at points (k, 2) [m], (k,) [cost]; at the best heading if the robot has one."""
-    turns = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS if grid.problem.dynamics.angles else None
-    states = [points] if turns is None else [np.column_stack([points, np.full(len(points), turn)]) for turn in turns]
+    states = adapter_of(grid.problem.dynamics.states).facing(points, HEADINGS)
     least: Array = np.min([np.asarray(grid.value(np.ascontiguousarray(x), time)) for x in states], axis=0)
     return least
 
@@ -160,7 +159,7 @@ class RobotPoses:
 
     def __init__(self, loaded: Loaded) -> None:
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
-        self._stance = Stance(loaded.model, loaded.states)
+        self._joints = loaded.adapter.joints(loaded.model)
         self._root = int(loaded.model.body(ROOT).id)
 
     def at(self, states: Array) -> Array:
@@ -170,7 +169,7 @@ class RobotPoses:
         rest = np.zeros(self._model.nu)
 
         for pose, state in zip(poses, states, strict=True):
-            self._stance.place(self._data, state, still, rest)
+            self._joints.place(self._data, state, still, rest)
             mujoco.mj_kinematics(self._model, self._data)
             pose[:3] = self._data.xpos[self._root]
             pose[3:] = np.roll(self._data.xquat[self._root], -1)

@@ -40,7 +40,9 @@ BODY = (*MOVER, 20)
 WALL = (*BORDER, 12)
 ARRIVAL = (*GOAL, 16)
 
-NO_FAN = Fan(strips=np.empty((0, 2, 3), np.float32), moments=np.empty((0, 2)), opacity=np.empty(0))
+NO_FAN = Fan(
+    strips=np.empty((0, 2, 3), np.float32), moments=np.empty((0, 2)), opacity=np.empty(0), ends=np.empty((0, 3))
+)
 
 
 class Pictures:
@@ -92,12 +94,16 @@ class Pictures:
             everything = self._subject.look.samples == "all"
             integral = self._subject.path_integral
             fans = strokes.fans(integral, plan.estimate, plan.classes, points=most, everything=everything)
+        body = self._subject.space.scene.body
         for name in [*sorted(self._fans - fans.keys()), *fans]:
             fan = fans.get(name, NO_FAN)
             dead = name == DEAD
             opacity = np.full(len(fan.strips), 0.5) if dead else 0.25 + 0.75 * fan.opacity
             shades = fade(DEAD_COLOR if dead else self._colors[name], FLOOR, opacity)
             self._strips(str(rr.new_entity_path(["world", "samples", name])), fan.strips, shades, 0.006)
+            if not body.is_disc:
+                robots = lift(strokes.heavy_ends(body, fan), 0.015)
+                self._strips(str(rr.new_entity_path(["world", "ends", name])), robots, shades[-len(robots) :], 0.008)
         self._fans = set(fans)
         return fans
 

@@ -21,6 +21,7 @@ from pirrht.outcome import Outcome
 from pirrht.topology.signature import class_id
 from sim.drawing.colors import sides, title, worded
 from sim.drive.metrics import why_blocked
+from sim.states import adapter_of
 
 TRACED = 48  # samples whose ends are examined
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
@@ -148,12 +149,13 @@ def _places(plan: Plan, estimate: Estimate, path_integral: PathIntegral, solids:
     rollouts, first = estimate.rollouts, estimate.rollouts.tables.first
     found = {}
     each = max(4, TRACED // max(1, len(plan.ids)))
+    position = adapter_of(path_integral.problem.dynamics.states).position
 
     for h, name in enumerate(plan.ids):
         dead = first[h] + np.flatnonzero(rollouts.paths.outcome[first[h] : first[h + 1]] == Outcome.COLLISION)[:each]
         if len(dead):
             states, steps = path_integral.replay.trace(rollouts, dead)
-            ends = states[np.arange(len(dead)), steps, :2]
+            ends = states[np.arange(len(dead)), steps, position]
             times = plan.time + rollouts.tables.times[steps]
             found[name] = Counter(touched(path_integral.space, solids, plan.movers, ends, times)).most_common(1)[0][0]
     return found

@@ -33,7 +33,7 @@ from sim.recording.stage import layout
 from sim.recording.subject import Subject
 from sim.recording.viewer import Look, Sinks
 from sim.recording.writer import Row, Writer
-from sim.systems import POSE
+from sim.states import ADAPTERS
 
 __all__ = ["Look", "Recorder", "Sinks"]
 
@@ -254,7 +254,7 @@ class Recorder:
         look.check(path_integral.space)
         sinks.check()
         known = dict(settings)
-        if not set(loaded.states) <= set(POSE):  # after which an exported table names its columns
+        if not set(loaded.states) <= set(ADAPTERS[0].pose):  # after which an exported table names its columns
             known["states"] = " ".join(loaded.states)
         if look.truth:
             known["truth"] = True

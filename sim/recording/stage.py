@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
-from math import exp, hypot
+from math import dist, exp
 from typing import Any
 
 import numpy as np
@@ -129,6 +129,9 @@ def stage(subject: Subject, log: Log) -> None:
     looks = [((0, 0, 0.12), CONTROL, 0.022), ((0, 0, 0.07), OPTIMUM, 0.034)]
     origins, colors, radii = zip(*looks[: 1 + subject.look.truth], strict=True)
     log("/world/robot", rr.Arrows3D.from_fields(origins=origins, colors=colors, radii=radii))
+    if not scene.body.is_disc:
+        outline = lift(strokes.rings(scene.body, np.zeros((1, 3))), 0.03)
+        log("/world/robot/outline", rr.LineStrips3D(outline, radii=0.012, colors=[DRIVEN]))
     # An eye over the middle, north being up: Rerun fits the height of what it sees, whatever the width.
     wide, high = 2.0 * MARGIN * half
     size = 100.0 * np.array([wide, max(high, wide / NARROW)])
@@ -190,10 +193,10 @@ def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
 class Following:
     """An eye that the robot pulls behind itself on a rope, so that it turns slowly."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, start: Array) -> None:
         extent = float((scene.upper - scene.lower).max())
         self._back = min(max(0.3 * extent, 6.0 * scene.robot_radius), 12.0 * scene.robot_radius)
-        self._place = np.array(scene.start[:2], dtype=float)
+        self._place = np.array(start, dtype=float)
         towards = scene.goal.center - self._place
         self._eye = self._place - self._back * towards / max(float(np.hypot(*towards)), 1e-9)
 
@@ -223,7 +226,9 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     scene = subject.space.scene
     tabs = [_drive(subject), _why(subject)]
     if subject.moves:
-        high = hypot(*(scene.goal.center - scene.start[:2]))  # of the straight path at the best speed
+        high = dist(
+            scene.goal.center, scene.start[subject.loaded.adapter.position]
+        )  # of the straight path at the best speed
         growing = [*GROWING, *(entity(f"{TIMES}/bodies", mover.name) for mover in scene.movers)]
         name = "Time upward: classes around the paths of moving obstacles"
         eye = _eye(subject, high, (0.5, 0.85), 0.35 * high)

@@ -34,7 +34,7 @@ from pirrht.arrays import Array
 from pirrht.plotting.colors import ClassColors, Color
 from pirrht.topology.signature import OTHER
 from sim.drawing.colors import DRIVEN, title
-from sim.drawing.strokes import lift
+from sim.drawing.strokes import single
 from sim.drive.metrics import Frame
 from sim.mjcf.obstacles import Mocap
 from sim.recording.columns import COMPONENTS, cells
@@ -81,12 +81,12 @@ class Writer:
     def __init__(self, stream: Stream, subject: Subject) -> None:
         self.stream, self._subject = stream, subject
         scene, colors = subject.space.scene, ClassColors()
-        self._dynamics = subject.path_integral.problem.dynamics
+        self._dynamics, self._adapter = subject.path_integral.problem.dynamics, subject.loaded.adapter
         self._pictures = Pictures(stream, subject, colors)
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
         self._robot = RobotPoses(subject.loaded)
-        self._eye = Following(scene)
+        self._eye = Following(scene, self._adapter.above(scene.start))
         self._mocap = Mocap(subject.loaded.model, scene.movers) if scene.movers else None
         self._shown = [np.full(7, np.nan) for _ in scene.movers]  # the last pose that was written of each
         name = (scene.name, subject.settings.get("method"), subject.settings.get("seed"))
@@ -97,7 +97,7 @@ class Writer:
         # Places before there is anything to see: what has none yet would be at the origin.
         start = np.asarray(self._dynamics.state_of(scene.start))[None]
         self._transforms("/world/robot", BEGIN, self._robot.at(start))
-        self._transforms(FOLLOWING, BEGIN, self._eye.poses(start[:, :2], np.zeros(1)))
+        self._transforms(FOLLOWING, BEGIN, self._eye.poses(self._adapter.above(start), np.zeros(1)))
         self._movers(BEGIN)
         stage(subject, stream.static)
         self._plots = Plots(stream, subject, colors)
@@ -145,9 +145,9 @@ class Writer:
         controls = [[np.array(u) for u in (r.cells["control"], r.cells["exact_control"]) if u] for r in rows]
         vectors = [self._ahead(x, u) for x, known in zip(states, controls, strict=True) for u in known]
         lengths = [len(known) for known in controls]
-        eyes = self._eye.poses(np.array(states)[:, :2], np.array([r["duration"] for r in rows]))
+        eyes = self._eye.poses(self._adapter.above(np.array(states)), np.array([r["duration"] for r in rows]))
         self._transforms(FOLLOWING, moments, eyes)
-        pieces = [lift(r.states[:, :2], 0.06) for r in rows]
+        pieces = [single(self._adapter.drawn(r.states, 0.06)) for r in rows]
         self.stream.columns("/world/path", moments, rr.LineStrips3D.columns(strips=pieces))
         every = moments
         if last.outcome is not None:
@@ -159,8 +159,8 @@ class Writer:
         self._movers(every)
         if not self._subject.moves:
             return
-        at = np.column_stack([np.array(states)[:, :2], [time for _, time in every]])
-        ends = [np.append(r.states[-1, :2], r.end) for r in rows]
+        at = np.column_stack([self._adapter.above(np.array(states)), [time for _, time in every]])
+        ends = [np.append(self._adapter.above(r.states[-1]), r.end) for r in rows]
         strips = [self._pictures.raised(np.vstack(both)) for both in zip(at, ends, strict=False)]
         self.stream.columns(f"{TIMES}/path", moments, rr.LineStrips3D.columns(strips=strips))
         for path, scale in ((f"{TIMES}/now", (0.0, 0.0, self._subject.rise)), (f"{TIMES}/now/robot", (1.0, 1.0, 0.0))):
@@ -181,12 +181,7 @@ class Writer:
         dynamics, start, still = self._dynamics, x, np.zeros(self._dynamics.m)
         for _ in range(5):
             x = dynamics.step(x, u, still, AHEAD / 5)
-        dx, dy = x[:2] - start[:2]
-        heading = float(start[dynamics.angles[0]]) if dynamics.angles else 0.0
-        c = np.cos(heading)
-        s = np.sin(heading)
-
-        return np.array([c * dx + s * dy, c * dy - s * dx, 0.0])
+        return self._adapter.ahead(start, x)
 
     def _transforms(self, path: str, moments: Moments, poses: Array, more: Iterable[Any] = ()) -> None:
         """Log poses (k, 7), which are places [m] and quaternions, w last, with more columns."""

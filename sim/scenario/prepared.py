@@ -14,9 +14,11 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene, Waiver
 from pirrht.problem import Problem
 from sim.mjcf import load
+from sim.mjcf.footprint import collision_of
 from sim.scenario.risk import RiskSearch
 from sim.scenario.scenario import Scenario
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
+from sim.states import adapter_of
 from sim.systems import chosen, named, refuse
 from sim.text import suggestion
 
@@ -76,8 +78,8 @@ def prepare(
     if room is not None:
         return at(None)
     start = loaded.scene.start
-    if driven and loaded.scene.goal.contains(start[:2]):
-        raise SceneError(f"the start ({start[0]:.4g}, {start[1]:.4g}) is already in the goal; move one of them")
+    if driven and loaded.scene.goal.contains(start[loaded.adapter.position]):
+        raise SceneError(f"the start {loaded.adapter.text(start, 4)} is already in the goal; move one of them")
     if settings.risk is not None:
         if task.margin is not None:
             raise OptionError("--risk chooses the margin; leave out --margin")
@@ -106,11 +108,15 @@ def default_margin(scenario: Scenario) -> tuple[float, tuple[Waiver, ...]]:
     space = scenario.space
     scene = scenario.space.scene
 
-    ends = space.collision.clearance(np.array([scene.start[:2], scene.goal.center[:2]]))
+    states = scenario.system.adapter
+    start = scene.start[states.position]
+    ends = space.collision.clearance(np.array([start, scene.goal.center]))
+    if not scene.footprint.is_disc:
+        ends[0] = collision_of(scene.world, scene.footprint).clearance(scene.start[None])[0]
     if scene.goal is not problem.scene.goal:  # its centre is covered, and plans lead to what is free with the margin
         ends = ends[:1]
     if scene.movers:
-        ends = np.append(ends, space.moving.distance(scene.start[:2], 0.0))
+        ends = np.append(ends, space.moving.distance(start, 0.0))
     passages = space.passages()
     kept = SHARE * np.maximum(0.5 * passages.width - scene.robot_radius, 0.0)  # in each of them
     spread = deviation(problem, s.period if s.between == "hold" else REACTION)
@@ -138,4 +144,5 @@ def deviation(problem: Problem, time: float) -> float:
     P = np.zeros((d.n, d.n))
     for _ in range(STEPS):
         P = A @ P @ A.T + h * B @ B.T
-    return float(np.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1]))
+    position = adapter_of(d.states).position
+    return float(np.sqrt(np.linalg.eigvalsh(P[position, position])[-1]))

@@ -73,4 +73,6 @@ def _meaning(job: Job) -> dict[str, Any]:
     scene = scenario.loaded.scene
     start, goal = (" ".join(map(str, values)) for values in (scenario.start, (*scene.goal.center, scene.goal.radius)))
     task = {"robot": scenario.loaded.robot, "radius": scene.robot_radius, "start": start, "goal": goal}
+    if not scene.body.is_disc:
+        task |= {"footprint": str(scene.body.corners)}
     return {name: getattr(scenario.settings, name) for name in PLANT} | task

@@ -160,7 +160,7 @@ def test_code_that_numba_cannot_compile_is_blamed_on_its_line(folder, line, monk
 
 def test_states_are_those_of_the_dynamics_and_joints_those_of_the_place(folder):
     mass = System(name="mass", dynamics=lambda _: DoubleIntegrator(b=0.1), R=np.eye(2), heeds=())
-    assert (mass.states, mass.joints) == (("x", "y", "vx", "vy"), ("x", "y"))
+    assert (mass.states, mass.adapter.places) == (("x", "y", "vx", "vy"), ("x", "y"))
     assert load("slit", system=raft(states=mass.states)).states == mass.states
     with pytest.raises(OptionError, match=r"system raft: SingleIntegrator has the states \('x', 'y'\)"):
         prepare("slit", robot="unicycle", system=raft(states=("x", "y", "heading")))

@@ -63,7 +63,7 @@ def random_solid(kind: Kind, tilted: bool, rng: np.random.Generator) -> tuple[Or
 
 
 def among(*obstacles: Obstacle, half: float = HALF) -> Collision:
-    return Collision(Workspace(np.full(2, -half), np.full(2, half), obstacles), Footprint(RADIUS, HEIGHT))
+    return Collision(Workspace(np.full(2, -half), np.full(2, half), obstacles), Footprint.disc(RADIUS, height=HEIGHT))
 
 
 def mixed(rng: np.random.Generator) -> Collision:

@@ -132,7 +132,7 @@ def expected(collision: Collision, points: Array, reach: float) -> tuple[Array, 
 def test_both_walls_are_those_of_a_search_through_all_solids(seed: int, reach: float) -> None:
     rng = np.random.default_rng([3, seed])
     solids = tuple(solid(kind, kind.value, rng.uniform(0.5, 3.5, 2), rng) for kind in [*Kind, *Kind])
-    collision = Collision(Workspace(np.zeros(2), np.full(2, 4.0), solids), Footprint(HEIGHT, HEIGHT))
+    collision = Collision(Workspace(np.zeros(2), np.full(2, 4.0), solids), Footprint.disc(HEIGHT, height=HEIGHT))
     points = rng.uniform(0, 4, (300, 2))
     found = collision.nearest_walls(points, range(12), reach)
     first, second, sure = expected(collision, points, reach)

@@ -10,7 +10,7 @@ from tilted import RADIUS, solid
 from pirrht.geometry.scene import Footprint, Kind, Obstacle
 from pirrht.moving.collision import MovingObstacles, jumps
 
-FOOTPRINT = Footprint(RADIUS, 0.1)
+FOOTPRINT = Footprint.disc(RADIUS)
 
 
 def disc(radius: float, x: float = 0.0, y: float = 0.0) -> Obstacle:

@@ -14,7 +14,7 @@ from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import copied
 from pirrht.topology.tracks import markers_of
 
-FOOT = Footprint(0.1, 0.1)
+FOOT = Footprint.disc(0.1)
 GOAL = np.array([5.5, 2.5])
 
 

@@ -40,7 +40,7 @@ def random_classes(rng: np.random.Generator, static: int, moving: int):
         rows = np.column_stack([times - times[0], rng.uniform(0.0, 6.0, (4, 2)), np.zeros(4)])
         rows[:, 1:3] = rows[:1, 1:3] if rng.random() < 0.2 else rows[:, 1:3]
         movers.append(moved(("walker", "cart", "walker", "van", "door")[j], rows, block("b", 0.0, 0.0, (0.1, 0.1))))
-    homology = Homology(markers=markers, goal=goal).with_moving(movers, Footprint(0.1, 0.1))
+    homology = Homology(markers=markers, goal=goal).with_moving(movers, Footprint.disc(0.1))
     found, start = {}, rng.uniform(0.0, 1.0, 2)
     for _ in range(40):
         places = np.vstack([start, rng.uniform(-1.0, 7.0, (rng.integers(0, 6), 2)), goal])
@@ -120,7 +120,7 @@ def coming(angle: float, aside: float, speed: float = 1.0) -> str:
     heading = speed * np.array([np.cos(angle), np.sin(angle)])
     rows = [(t, *((4.0, 0.0) + heading * (t - 4.0)), 0.0) for t in (0.0, 8.0)]
     walker = moved("walker", rows, block("b", 0.0, 0.0, (0.1, 0.1)))
-    homology = Homology(markers=np.zeros((0, 2)), goal=np.array([8.0, 0.0])).with_moving([walker], Footprint(0.1, 0.1))
+    homology = Homology(markers=np.zeros((0, 2)), goal=np.array([8.0, 0.0])).with_moving([walker], Footprint.disc(0.1))
     winding = homology.winding(way)
     one = SimpleNamespace(winding=winding, signature=homology.signature(way[0], winding), id="")
     one.trajectory = SimpleNamespace(path=SimpleNamespace(knots=way))

@@ -11,6 +11,7 @@ from sim.drive.executor import ClearanceChecker, Executor, Plant
 from sim.drive.metrics import EpisodeMetrics
 from sim.mjcf import load
 from sim.scenario import prepare
+from sim.states import adapter_of
 
 
 def pair(folder, robot: str, b: float, option: str = "", world: str = "", steps: int = 10) -> tuple[Executor, Plant]:
@@ -147,7 +148,7 @@ def test_a_robot_that_is_no_ball_has_no_negative_clearance_where_it_does_not_tou
 
 @pytest.mark.parametrize(("y", "blocked"), [(0.0, True), (0.499, True), (0.501, False)])
 def test_what_is_between_two_free_places_blocks_and_what_is_next_to_them_does_not(y, blocked):
-    checker = ClearanceChecker(load("slit").scene, lambda points: np.hypot(*points.T) - 0.5)
+    checker = ClearanceChecker(load("slit").scene, adapter_of(("x", "y")), lambda points: np.hypot(*points.T) - 0.5)
     assert checker.blocked(np.array([-1.0, y]), np.array([1.0, y])) is blocked
 
 

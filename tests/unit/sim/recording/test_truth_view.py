@@ -49,7 +49,7 @@ def test_of_a_robot_with_a_heading_the_best_one_counts():
     def value(states, time):
         return 1.0 - np.cos(states[:, 2] - np.pi / 2)
 
-    grid = SimpleNamespace(problem=SimpleNamespace(dynamics=SimpleNamespace(angles=(2,))), value=value)
+    grid = SimpleNamespace(problem=SimpleNamespace(dynamics=SimpleNamespace(states=("x", "y", "heading"))), value=value)
     np.testing.assert_allclose(geoms.values(grid, np.zeros((3, 2)), 0.0), 0.0, atol=1e-12)
 
 

@@ -1,0 +1,499 @@
+"""Free space of a convex footprint that turns with the heading: a member of `SpaceKernels`, by discs that cover it.
+
+The clearance at a pose (x, y, heading) is the least of that of all discs of a cover, never too high. A circle around
+the reference point holds them all, and a few larger discs cover it less tightly: far from walls their clearance does.
+Walls are flat in (x, y, heading), with a part for the heading that is the lever of the disc they are next to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.blocks import build_field
+from pirrht.geometry.certify import certificates
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.disc import enter_goal, may_meet
+from pirrht.geometry.disc import rim as planar_rim
+from pirrht.geometry.field import Field, border, closest, interpolate, with_slope
+from pirrht.geometry.footprint import Footprint, cover
+from pirrht.geometry.scene import Workspace
+from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, LEAST_STEP, NEVER, UNSURE, SpaceKernels
+from pirrht.geometry.tuning import TUNING
+from pirrht.jit.jit import borrowing, inlined, kernel, load_float32, load_float64
+from pirrht.jit.streams import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival, uniform
+
+APART_COSINE = TUNING.apart_cosine
+ROW = 4  # numbers of a row: place x, y of a disc in the robot's frame, radius, and how far it reaches from there [m]
+NOWHERE = np.float32(1e6)  # clearance of a wall that is not there [m]
+UNIT = np.float32(1.0)
+NIL = np.float32(0.0)
+
+
+class PolygonNumbers(NamedTuple):
+    """A footprint among static obstacles, as numbers that kernels take cheaply.
+
+    Radii are those beyond that of the least disc, whose clearance the field holds.
+    """
+
+    field: Field  # its border is that of the workspace, its grid reaches further
+    rows: int  # address of float64 (size, ROW): a coarse cover, then a tight one, discs that reach farthest first
+    coarse: int  # rows of the coarse cover
+    size: int  # rows of both
+    around: float  # radius of the circle around all discs [m]
+    within: float  # radius of the footprint's inscribed disc [m]
+    reach: float  # of the footprint: a turn moves its points by at most so much per radian [m/rad]
+    exact: float  # up to this clearance discs count, above it the circle around them does [m]
+    near: float  # up to this clearance of the coarse cover the tight one counts [m]
+    excess: float  # by which a disc of the tight one reaches beyond the footprint at most [m]
+    spacing: float  # of the field [m]
+
+
+class Polygon(PolygonNumbers):
+    """`PolygonNumbers` together with the array that their address points to."""
+
+    table: Array  # (size, ROW)
+
+    @classmethod
+    def of(
+        cls, world: Workspace, footprint: Footprint, members: Sequence[int], excess: float = TUNING.excess
+    ) -> Polygon:
+        """Cover a footprint with at most `excess` [m], and sample the clearance of the least disc.
+
+        `members` are the indices of the obstacles that count. SceneError: the workspace is too large for the field.
+        """
+        tight = cover(footprint, TUNING.cover_share * excess)
+        coarse = cover(footprint, TUNING.coarse_cover * excess)
+        least = float(tight[:, 2].min())
+        rows = [_rows_of(discs, least) for discs in (coarse, tight)]
+        most = float(rows[0][0, 3]) + least
+        wide = Workspace(world.lower - most, world.upper + most, world.obstacles, world.waivers)
+        collision = Collision(wide, Footprint.disc(least, height=footprint.height))
+        cells = max(TUNING.cells_per_disc, least / (TUNING.grain * excess))
+        sure = footprint.inscribed - least + TUNING.sure * excess
+        whole = build_field(collision, members, cells=cells, fine=sure)
+        left, low = world.lower.tolist()
+        right, high = world.upper.tolist()
+        field = whole._replace(left=left, low=low, right=right, high=high)
+        field.arrays, field.blocks = whole.arrays, whole.blocks
+
+        table = np.concatenate(rows)
+        polygon = cls(
+            field=field, rows=table.ctypes.data, coarse=len(coarse), size=len(table), around=most - least,
+            within=footprint.inscribed - least, reach=footprint.reach, exact=TUNING.exact_reach * footprint.reach,
+            near=TUNING.tight * excess, excess=TUNING.cover_share * excess, spacing=field.spacing,
+        )  # fmt: skip
+        polygon.table = table
+        return polygon
+
+    def set_back(self, distance: float) -> Polygon:
+        """Return the space with all walls, the border included, moved back by a distance [m]."""
+        moved = self._replace(field=self.field.set_back(distance))
+        moved.table = self.table
+        return moved
+
+    @property
+    def kernels(self) -> SpaceKernels:
+        """Return the kernels that read it."""
+        return POLYGON
+
+
+def _rows_of(discs: Array, least: float) -> Array:
+    """Return rows of discs (k, 3), those that reach farthest first, with radii beyond the least one [m], (k, ROW)."""
+    reaches = np.hypot(discs[:, 0], discs[:, 1]) + discs[:, 2]
+    rows = np.column_stack((discs[:, :2], discs[:, 2] - least, reaches - least))
+    return np.ascontiguousarray(rows[np.argsort(-reaches, kind="stable")])
+
+
+@inlined
+def _disc(static, k, x, y, c, s):  # type: ignore[no-untyped-def]
+    """Return where disc k is at a pose of heading (c, s), its place relative to (x, y), and its radius [m]."""
+    a = load_float64(static.rows, ROW * k)
+    b = load_float64(static.rows, ROW * k + 1)
+    dx = c * a - s * b
+    dy = s * a + c * b
+
+    return x + dx, y + dy, dx, dy, load_float64(static.rows, ROW * k + 2)
+
+
+@kernel
+def nearest_disc(static, begin, x, y, th, far, within):  # type: ignore[no-untyped-def]
+    """Return the least clearance of a cover from obstacles, if less than `within` [m], and its row; else this, -1.
+
+    Its rows `begin` at 0, of the coarse cover, or where that ends.
+
+    `far` is the clearance of the least disc at (x, y); another place is not nearer to walls by more than its distance.
+    """
+    c, s = math.cos(th), math.sin(th)
+    best, at = within, -1
+    for k in range(begin, static.size if begin else static.coarse):
+        if far - load_float64(static.rows, ROW * k + 3) >= best:
+            break
+        px, py, _, _, radius = _disc(static, k, x, y, c, s)
+        value = interpolate(static.field, static.field.nearest, px, py) - radius
+        if value < best:
+            best, at = value, k
+    return best, at
+
+
+@inlined
+def _from_obstacles(static, pose, within):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the clearance from obstacles at a pose inside the border, of less than `within` [m]."""
+    x, y, th = pose
+    far = interpolate(static.field, static.field.nearest, x, y)
+    if far - static.around >= min(within, static.exact):
+        return min(within, far - static.around)
+    return _of_covers(static, x, y, th, far, within)
+
+
+@kernel
+def _of_covers(static, x, y, th, far, within):  # type: ignore[no-untyped-def]
+    coarse, _ = nearest_disc(static, 0, x, y, th, far, within)
+    return coarse if coarse >= static.near else nearest_disc(static, static.coarse, x, y, th, far, within)[0]
+
+
+@inlined
+def clearance(static, pose):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the clearance at a pose [m]; the border bounds the reference point."""
+    edge = border(static.field, pose[0], pose[1])
+    return edge if edge <= 0.0 else _from_obstacles(static, pose, edge)
+
+
+@inlined
+def place(static, at):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the clearance at a place (x, y), whatever the heading [m]."""
+    edge = border(static.field, at[0], at[1])
+    if edge <= 0.0:
+        return edge
+    return min(edge, interpolate(static.field, static.field.nearest, at[0], at[1]) - static.around)
+
+
+@kernel
+def clearances(static, poses, out):  # type: ignore[no-untyped-def]
+    """Write the clearance at poses (k, 3) to out (k,) [m]."""
+    for k in range(len(poses)):
+        out[k] = clearance(static, (poses[k, 0], poses[k, 1], poses[k, 2]))
+
+
+@inlined
+def apart(static, one, other):  # type: ignore[no-untyped-def]
+    """Tell whether two directions are those of two walls: 60 degrees apart, turns counted by the reach."""
+    per = 1.0 / (static.reach * static.reach)
+    along = one[0] * other[0] + one[1] * other[1] + per * one[2] * other[2]
+    square = one[0] * one[0] + one[1] * one[1] + per * one[2] * one[2]
+    square *= other[0] * other[0] + other[1] * other[1] + per * other[2] * other[2]
+
+    return along <= 0.0 or along * along < APART_COSINE * APART_COSINE * square
+
+
+@inlined
+def _wall_of(static, grid, k, x, y, c, s):  # type: ignore[no-untyped-def]
+    """Return the clearance of disc k, or if -1 of all, from a wall in a grid of the field [m], and its direction."""
+    px, py, dx, dy, radius = (x, y, 0.0, 0.0, static.around) if k < 0 else _disc(static, k, x, y, c, s)
+    d, gx, gy = with_slope(static.field, grid, px, py)
+    square = gx * gx + gy * gy
+    if square > 2.0:  # steeper than a distance can be: another wall takes over
+        return NOWHERE, (NIL, NIL, NIL)
+    per = 1.0 / math.sqrt(square + 1e-12)
+    nx = per * gx
+    ny = per * gy
+
+    return np.float32(d - radius), (np.float32(nx), np.float32(ny), np.float32(ny * dx - nx * dy))
+
+
+@inlined
+def _with(static, walls, c, direction):  # type: ignore[no-untyped-def]
+    """Return the nearest two of two walls and another; the second is apart from the first."""
+    first, one, second, other = walls
+    if c < first:
+        return (c, direction, first, one) if apart(static, direction, one) else (c, direction, second, other)
+    if c < second and apart(static, one, direction):
+        return first, one, c, direction
+    return walls
+
+
+@kernel
+def walls_of(static, begin, pose):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls of a cover at a pose, border included, each as clearance [m] and direction.
+
+    The second is another wall, or the first as another corner of the footprint meets it.
+    """
+    x, y, th = pose
+    field = static.field
+    c, s = math.cos(th), math.sin(th)
+    left, right = np.float32(x - field.left), np.float32(field.right - x)
+    low, high = np.float32(y - field.low), np.float32(field.high - y)
+
+    found = (NOWHERE, (NIL, NIL, NIL), NOWHERE, (NIL, NIL, NIL))
+    found = _with(static, found, min(left, right), (UNIT if left < right else -UNIT, NIL, NIL))
+    found = _with(static, found, min(low, high), (NIL, UNIT if low < high else -UNIT, NIL))
+    far = interpolate(field, field.nearest, x, y)
+    if far - static.around >= static.exact:  # so far away the footprint counts as the circle around it
+        for grid in (field.nearest, field.second):
+            d, direction = _wall_of(static, grid, -1, x, y, c, s)
+            found = _with(static, found, d, direction)
+        return found
+    _, at = nearest_disc(static, begin, x, y, th, far, np.inf)
+    for grid in (field.nearest, field.second):
+        d, direction = _wall_of(static, grid, at, x, y, c, s)
+        found = _with(static, found, d, direction)
+    for k in range(begin, static.size if begin else static.coarse):
+        if far - load_float64(static.rows, ROW * k + 3) >= found[2]:
+            break
+        px, py, _, _, radius = _disc(static, k, x, y, c, s)
+        if interpolate(field, field.nearest, px, py) - radius < found[2]:
+            d, direction = _wall_of(static, field.nearest, k, x, y, c, s)
+            found = _with(static, found, d, direction)
+    return found
+
+
+@kernel
+def walls(static, pose):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls at a pose, border included, by the tight cover where one is near (`walls_of`)."""
+    found = walls_of(static, 0, pose)
+    return found if found[0] >= static.near else walls_of(static, static.coarse, pose)
+
+
+@borrowing
+def near(static, pose, within, out):  # type: ignore[no-untyped-def]
+    """Write those of the two nearest walls that are nearer than `within` [m]; return how many."""
+    c, one, d, other = walls(static, pose)
+    count = 0
+    for k in range(2):
+        away, direction = (c, one) if k == 0 else (d, other)
+        if away < within:
+            out[count, 0] = away
+            for j in range(3):
+                out[count, 1 + j] = direction[j]
+            count += 1
+    return count
+
+
+@inlined
+def refused(static, pose):  # type: ignore[no-untyped-def]
+    """Return BLOCKED for a pose at which a disc inside the footprint meets an obstacle for sure, else UNSURE."""
+    if border(static.field, pose[0], pose[1]) <= 0.0:
+        return BLOCKED
+    return _refused(static, pose[0], pose[1], pose[2])
+
+
+@kernel
+def _refused(static, x, y, th):  # type: ignore[no-untyped-def]
+    far = interpolate(static.field, static.field.nearest, x, y)
+    _, at = nearest_disc(static, static.coarse, x, y, th, far, np.inf)
+    px, py, _, _, radius = _disc(static, at, x, y, math.cos(th), math.sin(th))
+    return BLOCKED if _farthest(static, px, py) < radius - static.excess else UNSURE
+
+
+@inlined
+def _farthest(static, x, y):  # type: ignore[no-untyped-def]
+    """Return an upper bound of the clearance of the least disc at (x, y), by the nearest grid point [m]."""
+    at, dx, dy, width = closest(static.field, x, y)
+    return load_float32(static.field.nearest, at) + math.sqrt(dx * dx + dy * dy) + width
+
+
+@kernel
+def certify_place(static, at):  # type: ignore[no-untyped-def]
+    """Return FREE for a place (x, y) that is free at any heading, BLOCKED for one at none, or UNSURE."""
+    if place(static, at) > 0.0:
+        return FREE
+    blocked = border(static.field, at[0], at[1]) <= 0.0 or _farthest(static, at[0], at[1]) < static.within
+    return BLOCKED if blocked else UNSURE
+
+
+@kernel
+def certify_turn(static, pose, turn, patient=True):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for a turn [rad] on the spot from a pose, all headings between included."""
+    angle, verdict = 0.0, FREE
+    while True:
+        here = (pose[0], pose[1], pose[2] + math.copysign(angle, turn))
+        c = clearance(static, here)
+        if c < LEAST_STEP:
+            if refused(static, here) == BLOCKED:
+                return BLOCKED
+            if not patient:
+                return UNSURE
+            verdict, c = UNSURE, 0.5 * static.spacing
+        if angle >= abs(turn):
+            return verdict
+        angle = min(angle + c / static.reach, abs(turn))
+
+
+@inlined
+def extent(static, change):  # type: ignore[no-untyped-def]
+    """Return how far a change of pose moves any point of the footprint at most [m]."""
+    return math.sqrt(change[0] * change[0] + change[1] * change[1]) + static.reach * abs(change[2])
+
+
+@inlined
+def spread(static, cov, line):  # type: ignore[no-untyped-def]
+    """Return the most variance of a clearance [m^2]."""
+    aside = math.sqrt(cov[0] + cov[3] if line else max(cov[0], cov[3]) + abs(cov[1]))
+    return (aside + static.reach * math.sqrt(cov[5])) ** 2
+
+
+@inlined
+def variance_along(direction, cov):  # type: ignore[no-untyped-def]
+    """Return g S g' [m^2] of a direction g and the covariance S of a pose."""
+    gx, gy, gt = direction
+    planar = gx * gx * cov[0] + 2.0 * gx * gy * cov[1] + gy * gy * cov[3]
+    return max(planar + 2.0 * gt * (gx * cov[2] + gy * cov[4]) + gt * gt * cov[5], MIN_VARIANCE)
+
+
+@kernel
+def facing(static, pose, cov):  # type: ignore[no-untyped-def]
+    """Return the clearance at a pose over the share of noise, of a covariance, that a wall faces [m]."""
+    c, one, d, other = walls(static, pose)
+    most = max(spread(static, cov, True), MIN_VARIANCE)
+    near_one = c / math.sqrt(max(variance_along(one, cov) / most, SIDEWAYS))
+    return min(near_one, d / math.sqrt(max(variance_along(other, cov) / most, SIDEWAYS)))
+
+
+@inlined
+def goal_gap(world, pose):  # type: ignore[no-untyped-def]
+    """Return the distance of the reference point from the goal's rim, negative inside [m]."""
+    return math.sqrt((pose[0] - world.goal[0]) ** 2 + (pose[1] - world.goal[1]) ** 2) - world.radius
+
+
+@inlined
+def distances(world, pose):  # type: ignore[no-untyped-def]
+    """Return the clearance from obstacles, that from the border, and the distance to the goal's rim [m]."""
+    edge = border(world.static.field, pose[0], pose[1])
+    free = edge if edge <= 0.0 else _from_obstacles(world.static, pose, np.inf)
+    return free, edge, goal_gap(world, pose)
+
+
+@kernel
+def end(world, pose):  # type: ignore[no-untyped-def]
+    """Return INSIDE, GOAL or COLLISION at the end of a step, by the pose alone."""
+    if clearance(world.static, pose) <= 0.0:
+        return COLLISION
+    return GOAL if goal_gap(world, pose) <= 0.0 else INSIDE
+
+
+@inlined
+def sweep(world, pose, moved, turn=0.0, clear=0.0):  # type: ignore[no-untyped-def]
+    """Judge how a step from one pose to another without position noise ends, by certified clearances.
+
+    The place runs along an arc next to its chord, which turns [rad], and enters the goal along the chord; the heading
+    changes evenly. No wall is nearer to the start than `clear` [m].
+    Returns: INSIDE or the Outcome, share of the step until the exit, and what is clear at its end, as far as is known.
+    """
+    dx = moved[0] - pose[0]
+    dy = moved[1] - pose[1]
+    arc = math.sqrt((dx * dx + dy * dy) * (1.0 + 0.25 * turn * turn))
+    whole = arc + world.static.reach * abs(moved[2] - pose[2])
+    reach = arc + world.radius
+    if whole < clear and (world.goal[0] - pose[0]) ** 2 + (world.goal[1] - pose[1]) ** 2 > reach * reach:
+        return INSIDE, 1.0, clear - whole
+    return _march(world, pose, moved, whole, turn, clear)
+
+
+@kernel
+def _march(world, pose, moved, whole, turn, clear):  # type: ignore[no-untyped-def]
+    x, y, th = pose
+    dx = moved[0] - x
+    dy = moved[1] - y
+    length = math.sqrt(dx * dx + dy * dy)
+    until = 0.0 if goal_gap(world, pose) <= 0.0 else NEVER
+    if until == NEVER and length > 0.0:
+        entry = entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, world.goal[0], world.goal[1], world.radius)
+        until = min(entry / length, NEVER)
+    stop = min(1.0, until)
+    share = min(stop, clear / max(whole, 1e-300))
+    while True:
+        aside = 0.5 * turn * share * (1.0 - share)
+        here = (x + share * dx + aside * dy, y + share * dy - aside * dx, th + share * (moved[2] - th))
+        c = clearance(world.static, here)
+        if c <= 0.0:
+            return COLLISION, share, 0.0
+        if share >= stop:
+            break
+        share = min(stop, share + max(c, 0.5 * world.static.excess) / max(whole, 1e-300))
+    return (GOAL, until, 0.0) if until < NEVER else (INSIDE, 1.0, c)
+
+
+@kernel
+def _survival(static, pose, moved, after, cov):  # type: ignore[no-untyped-def]
+    """Return the probability that a bridge misses the two nearest walls, and its variance towards the nearest [m^2]."""
+    c0, one, d0, other = walls_of(static, static.coarse, pose)
+    first = variance_along(one, cov)
+    if after <= 0.0:
+        return 0.0, first
+    c1, same, d1, _ = walls_of(static, static.coarse, moved)
+    if apart(static, one, same):  # another wall is nearest now
+        c1, d1 = d1, c1
+    return survival(c0, c1, first) * survival(d0, d1, variance_along(other, cov)), first
+
+
+@kernel
+def _meet_walls(static, pose, moved, before, after, cov, weighed, state):  # type: ignore[no-untyped-def]
+    """Draw the next state, the share of a step at which a bridge meets a wall or NEVER, and log P(none)."""
+    if after > 0.0:
+        _, one, _, other = walls_of(static, 0, pose)
+        most = max(variance_along(one, cov), variance_along(other, cov))
+        if not may_meet(before, after, TUNING.coarse_noise * FAR * most):
+            return state, NEVER, 0.0
+    alive, variance = _survival(static, pose, moved, after, cov)
+    if weighed and alive > 0.0:
+        return state, NEVER, math.log(alive)
+    u = 1.0
+    if not weighed:
+        state, u = uniform(state)
+    if u < alive:
+        return state, NEVER, 0.0
+    state, share = first_crossing(max(before, MIN_VARIANCE), after, math.sqrt(variance), state)
+    return state, share, 0.0
+
+
+@kernel
+def bridge(world, pose, moved, before, after, cov, weighed, state, line=False):  # type: ignore[no-untyped-def]
+    """Judge how a noisy step ends: walls are flat in (x, y, heading), and meet the noise of the disc next to them.
+
+    Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the log of the
+        probability that it met no wall [nats].
+    """
+    (c0, e0, g0), (c1, e1, g1) = before, after
+    c0 = min(c0, e0)
+    c1 = min(c1, e1)
+    change = (moved[0] - pose[0], moved[1] - pose[1], moved[2] - pose[2])
+    chord = math.sqrt(change[0] * change[0] + change[1] * change[1])
+    past_wall = c1 > 0.0 and c0 + c1 < extent(world.static, change)
+    past_rim = g1 > 0.0 and g0 + g1 < chord
+    if past_wall or past_rim:
+        exit, share, _ = sweep(world, pose, moved)
+        share = max(share, 1e-9)
+        c1 = c0 * (1.0 - 1.0 / share) if past_wall and exit == COLLISION else c1
+        g1 = g0 * (1.0 - 1.0 / share) if past_rim and exit == GOAL else g1
+    wall_time, goal_time, lasting = NEVER, NEVER, 0.0
+    if may_meet(c0, c1, FAR * spread(world.static, cov, line)):
+        state, wall_time, lasting = _meet_walls(world.static, pose, moved, c0, c1, cov, weighed, state)
+    planar = (cov[0], cov[1], cov[3])
+    if may_meet(g0, g1, FAR * (cov[0] + cov[3])):
+        step = (pose[0], pose[1], moved[0], moved[1])
+        state, goal_time = enter_goal(world, step, g0, g1, planar, line, state)
+    if goal_time == NEVER and wall_time == NEVER:
+        return state, INSIDE, 1.0, lasting
+    if goal_time <= wall_time:
+        return state, GOAL, goal_time, goal_time * lasting
+    return state, COLLISION, wall_time, 0.0
+
+
+@inlined
+def rim(world, pose, cov):  # type: ignore[no-untyped-def]
+    """Return the direction of noise along a line, how far along it the goal's rim is [m], and whether it is one."""
+    return planar_rim(world, (pose[0], pose[1]), (cov[0], cov[1], cov[3]))
+
+
+certify, certify_piece, certify_curve = certificates(clearance, refused, True)
+
+POLYGON = SpaceKernels(
+    position=2, turns=True, isotropic=False, near_most=2, clearance=clearance, place=place, walls=walls, near=near,
+    distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep, bridge=bridge, end=end, exit=None,
+    rim=rim, certify=certify, certify_place=certify_place, certify_piece=certify_piece, certify_curve=certify_curve,
+)  # fmt: skip

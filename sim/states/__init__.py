@@ -1,0 +1,30 @@
+"""States of robots: what the simulator must know of them, with one member for each kind of space.
+
+`StateAdapter` is the interface, `plane` its member for robots on the ground. Another member, such as one for robots in
+space, is a new file and a line in `ADAPTERS`.
+"""
+
+from collections.abc import Sequence
+
+from sim.states.adapter import Component, Joints, StateAdapter
+from sim.states.plane import Plane
+
+__all__ = ["ADAPTERS", "Component", "Joints", "StateAdapter", "adapter_of", "forms_of"]
+
+ADAPTERS: tuple[type[StateAdapter], ...] = (Plane,)  # the first one's names are the default of tables and messages
+
+
+def adapter_of(states: Sequence[str]) -> StateAdapter:
+    """Return the adapter of a system's states, by their names; ValueError, in words for a person: none fits."""
+    kind = max((one for one in ADAPTERS if one.fits(states)), key=lambda one: one.dimension, default=None)
+    if kind is None:
+        *_, last = forms = [one.first_words() for one in ADAPTERS]
+        raise ValueError(", ".join(forms[:-1]) + (", or " if forms[:-1] else "") + last)
+    return kind(states)
+
+
+def forms_of(what: str) -> tuple[tuple[str, ...] | str, int | str]:
+    """Return metavar and count of an option whose numbers adapters name in this attribute; any count if they differ."""
+    first, *others = (getattr(one, what) for one in ADAPTERS)
+    same = all(len(one) == len(first) for one in others)
+    return (first, len(first)) if same else (" ".join(first), "+")
