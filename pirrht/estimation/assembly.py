@@ -32,5 +32,6 @@ def path_integral(
     world = PredictedWorld((setup_of(problem, space, bridge=sampling.exit == "bridge"), classes))
     threads = sampling.threads or len(os.sched_getaffinity(0))
     proposals = ProposalFactory(problem, space, sampling, world)
-    simulates = Cpu.of(problem, world.setup, threads, fitted=sampling.fitted) if backend is None else backend
-    return PathIntegral(proposals, simulates, threads=threads, terminal_cost=terminal_cost)
+    if backend is None:
+        backend = Cpu.of(problem, world.setup, classes.table.kernels, threads, fitted=sampling.fitted)
+    return PathIntegral(proposals, backend, threads=threads, terminal_cost=terminal_cost)

@@ -17,6 +17,7 @@ from pirrht.proposals.tuning import ProposalTuning
 from pirrht.rollouts.tables import FINER, LawRows, ProposalTables, Setup
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import Dynamics
+from pirrht.topology.signature import Classes
 
 
 class Task(NamedTuple):
@@ -200,6 +201,7 @@ class Initialisation:
 
     dynamics: Dynamics
     setup: Setup
+    classes: Classes  # of guides, which are not asked for theirs here
     width: int  # modes of a step
     optimise: Any  # kernel (`ddp`)
     tracking: Task  # under which aims are held to
@@ -249,7 +251,7 @@ class Initialisation:
             length = min(whole, length + ahead)
             first = 0 if self.window is None else max(0, length - self.window)
             part, passes = Course(*(array[first:] for array in course)), self.tuning.ahead_passes
-            self.optimise(self.setup, self.tracking, times[first:], 0, passes, part, length - first)
+            self.optimise(self.setup, self.classes, self.tracking, times[first:], 0, passes, part, length - first)
         return course, length
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:

@@ -84,15 +84,18 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
 
 
 class Cpu(NamedTuple):
-    """Backend of compiled kernels: `Cpu.of(problem, setup)`."""
+    """Backend of compiled kernels: `Cpu.of(problem, setup, homology.table.kernels)`."""
 
     kernels: Kernels
     threads: int
 
     @classmethod
-    def of(cls, problem: Problem, setup: Setup, threads: int | None = None, *, fitted: bool = True) -> Cpu:
-        """Choose the kernels of a problem, by default one thread per core of this process, for `Sampling.fitted`."""
-        world, classes = setup.world, setup.classes.kernels
+    def of(
+        cls, problem: Problem, setup: Setup, classes: SignatureKernels, threads: int | None = None, *,
+        fitted: bool = True,
+    ) -> Cpu:  # fmt: skip
+        """Choose the kernels of a problem and its classes, by default one thread per core, for `Sampling.fitted`."""
+        world = setup.world
         kernels = kernels_for(problem, world.static.kernels, world.moving.kernels, classes, fitted=fitted)
         return cls(kernels, threads or len(os.sched_getaffinity(0)))
 
@@ -205,12 +208,11 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     x = np.zeros(d.n)
     traits = Traits.of(problem)
     known = traits.constant_gain
-    static = space.homology.static
     return Setup(
-        world=space.world, classes=static.table, parameters=np.asarray(d.parameters, dtype=float),
+        world=space.world, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if known else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if known else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if traits.constant_blocks else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        least_rate=problem.least_rate / problem.temperature, marks=static.rays(x, np.zeros(1)),
+        least_rate=problem.least_rate / problem.temperature,
     )  # fmt: skip

@@ -344,7 +344,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 there = pose(moved)
-                key += key_of_step(setup.classes, pose(x), there)
+                key += key_of_step(tables.classes, pose(x), there)
                 state, exit, share, until, missed, clear = judge(
                     setup, tables, scratch, (dt, now), motion_of, clear, state
                 )

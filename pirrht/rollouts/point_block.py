@@ -264,7 +264,7 @@ def blocks_for(classes: SignatureKernels | None) -> Kernels:
             relax(h, f, a, full)
             draw(random, bits, f, full)
             move(h, B, f, a, full)
-            add_keys(setup.classes, f, (X, Y, NX, NY), full, long, KEY)
+            add_keys(tables.classes, f, (X, Y, NX, NY), full, long, KEY)
             survey(around, f, short, full)
             if (
                 bridge(variance, tables.weighed, f, short, full) if setup.bridge else judge(around, f, short, full)

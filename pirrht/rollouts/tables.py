@@ -43,7 +43,6 @@ class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
     world: World  # what is free at (x, t); moving obstacles are predicted on the clock of plans
-    classes: Table  # of paths among static obstacles
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
     inverse: Array  # (m, m) G_c^-1 B_c, if constant; in input form s
@@ -51,7 +50,6 @@ class Setup(NamedTuple):
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
     least_rate: float  # least q / lambda [1/s]
-    marks: Any  # `Signature.rays` of the steps of a guide among moving obstacles
 
 
 @dataclass(slots=True)
@@ -117,7 +115,8 @@ class ProposalTables(NamedTuple):
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T FINER, width): `LawRows`
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
-    marks: Any  # `Signature.rays`, by which classes of paths differ
+    classes: Table  # of the signature of paths
+    marks: Any  # `Signature.rays` of the steps, by which classes differ among moving obstacles
     law_weight: float = 1.0  # share of a law that tells how the control changes near the start, where walls push too
 
 

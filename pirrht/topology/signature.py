@@ -70,6 +70,13 @@ class Table(Protocol):
         """Return the kernels that take them."""
 
 
+class Classes(NamedTuple):
+    """A signature as kernels take it that classify paths from one state over steps."""
+
+    table: Table  # `Signature.table`
+    rays: Any  # `Signature.rays`
+
+
 class Signature(ABC):
     """Signature of paths about M obstacles, written as integers (paper, section IV-A).
 
@@ -134,6 +141,10 @@ class Signature(ABC):
     def rays(self, x: Array, times: Array) -> Any:
         """Return what kernels take of moving obstacles for paths from x (n,) over steps to times (T + 1,) [s]."""
         return ()
+
+    def classes(self, x: Array, times: Array) -> Classes:
+        """Return what kernels take that classify paths from x (n,) over steps to times (T + 1,) [s]."""
+        return Classes(self.table, self.rays(x, times))
 
     def places(self, times: Array) -> Array:
         """Places of moving markers at times (T,) [s], (J, T, d) [m]."""

@@ -139,7 +139,7 @@ def _limit(setting: Setting) -> Result:
     work: dict[str, Callable[[int], int]] = {
         "two normals": lambda _: limit.normals(samples, threads),
         "two normals and the arithmetic": lambda _: limit.steps(
-            setup.world, setup.classes, setting.H, samples, threads
+            setup.world, integral.homology.table, setting.H, samples, threads
         ),
     }
     seconds = interleaved(work, 5, warm=True)
@@ -157,7 +157,7 @@ def _same_on_threads(setting: Setting) -> bool:
     for name, integral in setting.kernels.items():
         kept, found = integral.backend, []
         for threads in (1, 2):
-            integral.backend = Cpu.of(integral.problem, integral.setup, threads)
+            integral.backend = Cpu.of(integral.problem, integral.setup, integral.homology.table.kernels, threads)
             found.append(setting.estimate(name, 6000, 0))
         integral.backend = kept
         one, two = (estimate.rollouts.paths for estimate in found)

@@ -43,7 +43,7 @@ def both(scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: s
     problem = replace(scenario.problem, phi=phi)
     source = path_integral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
-    kernels = source.setup.classes.kernels
+    kernels = source.homology.table.kernels
     traits = Traits.of(problem)
     kind = KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, traits, DISC, (0, 1), classes=kernels)
     path = any_path(kind)
