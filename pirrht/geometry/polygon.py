@@ -21,7 +21,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.disc import enter_goal, may_meet
 from pirrht.geometry.disc import rim as planar_rim
 from pirrht.geometry.field import Field, border, closest, interpolate, with_slope
-from pirrht.geometry.footprint import Footprint, cover
+from pirrht.geometry.footprint import Footprint, cover, depths
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, LEAST_STEP, NEVER, UNSURE, SpaceKernels
 from pirrht.geometry.tuning import TUNING
@@ -69,9 +69,8 @@ class Polygon(PolygonNumbers):
         `members` are the indices of the obstacles that count. SceneError: the workspace is too large for the field.
         """
         discs = cover(footprint, TUNING.cover_share * excess)
-        coarse = cover(footprint, TUNING.coarse_cover * excess)
         least = float(discs[:, 2].min())
-        table, groups = _grouped(discs, coarse, least)
+        table, groups = _grouped(footprint, discs, TUNING.group_excess * excess)
         most = float(table[groups:, 3].max()) + least
         wide = Workspace(world.lower - most, world.upper + most, world.obstacles, world.waivers)
         collision = Collision(wide, Footprint.disc(least, height=footprint.height))
@@ -103,28 +102,43 @@ class Polygon(PolygonNumbers):
         return POLYGON
 
 
-def _grouped(discs: Array, coarse: Array, least: float) -> tuple[Array, int]:
-    """Return rows of groups and discs (k, 3), with radii beyond the least one [m], (g + k, ROW), and g.
+def _grouped(footprint: Footprint, discs: Array, excess: float) -> tuple[Array, int]:
+    """Return rows of groups and of discs (k, 3), with radii beyond the least one [m], (g + k, ROW), and g.
 
-    A group has the discs that lie deepest in one of the `coarse` ones, which grows or shrinks to hold just these.
+    Groups are circles around some discs; two are joined as long as the circle around both reaches no more than `excess`
+    [m] beyond the footprint, those first for which that is least.
     """
-    ends = np.hypot(*np.moveaxis(discs[:, None, :2] - coarse[:, :2], -1, 0)) + discs[:, 2:]
-    member = np.argmin(ends - coarse[:, 2], axis=1)
-    held = [np.flatnonzero(member == j) for j in range(len(coarse))]
-    wide = np.array([[*coarse[j, :2], ends[which, j].max()] for j, which in enumerate(held) if len(which)])
-    groups = [discs[which] for which in held if len(which)]
-    order = _by_reach(wide)
-    rows = [np.column_stack((wide[order], np.zeros((len(order), 3))))]
-    begin = len(order)
-    for row, j in enumerate(order):
-        one = groups[j][_by_reach(groups[j])]
-        rows[0][row, 4:] = begin, begin + len(one)
-        rows.append(np.column_stack((one, np.zeros((len(one), 3)))))
-        begin += len(one)
-    table = np.concatenate(rows)
-    table[:, 2] -= least
-    table[:, 3] = np.hypot(table[:, 0], table[:, 1]) + table[:, 2]
-    return np.ascontiguousarray(table), len(order)
+    circles, held = discs, [[k] for k in range(len(discs))]
+    while True:
+        a, b = np.triu_indices(len(circles), 1)
+        both = _around(circles[a], circles[b])
+        beyond = both[:, 2] + depths(footprint.hull, both[:, :2]) - footprint.rounding
+        if not len(both) or beyond.min() > excess:
+            break
+        one, other = int(a[np.argmin(beyond)]), int(b[np.argmin(beyond)])
+        held[one] += held.pop(other)
+        circles = np.delete(circles, other, axis=0)
+        circles[one] = both[np.argmin(beyond)]
+    order = _by_reach(circles)
+    members = [np.array(held[j])[_by_reach(discs[held[j]])] for j in order]
+    rows = np.vstack((circles[order], discs[np.concatenate(members)]))
+    table = np.zeros((len(rows), ROW))
+    table[:, :2] = rows[:, :2]
+    table[:, 2] = rows[:, 2] - discs[:, 2].min()
+    table[:, 3] = np.hypot(rows[:, 0], rows[:, 1]) + table[:, 2]
+    table[: len(order), 4:] = len(order) + np.cumsum([0, *map(len, members)])[np.arange(len(order))[:, None] + (0, 1)]
+    return table, len(order)
+
+
+def _around(one: Array, other: Array) -> Array:
+    """Return the least circles around two discs each, (k, 3) and (k, 3)."""
+    span = other[:, :2] - one[:, :2]
+    apart = np.hypot(*span.T)
+    radius = 0.5 * (apart + one[:, 2] + other[:, 2])
+    share = (radius - one[:, 2]) / np.maximum(apart, 1e-12)
+    both = np.column_stack((one[:, :2] + share[:, None] * span, radius))
+    both = np.where((one[:, 2] >= apart + other[:, 2])[:, None], one, both)
+    return np.where((other[:, 2] >= apart + one[:, 2])[:, None], other, both)
 
 
 def _by_reach(discs: Array) -> Array:
