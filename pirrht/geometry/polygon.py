@@ -258,19 +258,19 @@ def _with(static, walls, c, direction):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _with_disc(static, walls, grid, place):  # type: ignore[no-untyped-def]
-    """Return the nearest two of two walls and that of a grid of the field at the `place` of a disc (`_disc`)."""
+def _wall_of(static, grid, place):  # type: ignore[no-untyped-def]
+    """Return the clearance of a disc at a `place` (`_disc`) from a wall in a grid of the field [m], and its direction.
+
+    Where another wall takes over, it is steeper than a distance can be, and counts as far away.
+    """
     px, py, dx, dy, radius = place
     d, gx, gy = with_slope(static.field, grid, px, py)
     square = gx * gx + gy * gy
-    if d - radius >= walls[2] or square > 2.0:  # steeper than a distance can be: another wall takes over
-        return walls
     per = 1.0 / math.sqrt(square + 1e-12)
     nx = per * gx
     ny = per * gy
-    return _with(
-        static, walls, np.float32(d - radius), (np.float32(nx), np.float32(ny), np.float32(ny * dx - nx * dy))
-    )
+    away = np.float32(d - radius) if square <= 2.0 else NOWHERE
+    return away, (np.float32(nx), np.float32(ny), np.float32(ny * dx - nx * dy))
 
 
 @inlined
@@ -285,11 +285,42 @@ def _sides(static, x, y, within):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _second_wall(static, seen, nearest, one, within):  # type: ignore[no-untyped-def]
+    """Return the nearest wall that is apart from the direction `one` of that of the `nearest` disc, and its direction.
+
+    Groups whose wall is not apart are passed over.
+
+    `seen` are the pose as (x, y, cosine, sine) and the clearance of the least disc there [m].
+    """
+    (x, y, c, s), far = seen
+    field = static.field
+    away, direction = _wall_of(static, field.second, nearest)
+    if away >= within or not apart(static, one, direction):
+        away, direction = np.float32(within), (NIL, NIL, NIL)
+    for j in range(static.groups):
+        if far - _reach(static, j) >= away:
+            break
+        gap, towards = _wall_of(static, field.nearest, _disc(static, j, x, y, c, s))
+        if gap >= away or not apart(static, one, towards):
+            continue
+        if gap >= static.near:
+            away, direction = gap, towards
+            continue
+        for k in _members(static, j):
+            if far - _reach(static, k) >= away:
+                break
+            gap, towards = _wall_of(static, field.nearest, _disc(static, k, x, y, c, s))
+            if gap < away and apart(static, one, towards):
+                away, direction = gap, towards
+    return away, direction
+
+
+@kernel
 def walls_within(static, pose, within):  # type: ignore[no-untyped-def]
     """Return the two nearest walls at a pose, border included, each as clearance [m] and direction.
 
-    The second is another wall, or the first as another corner of the footprint meets it. Those farther than `within`
-    [m] count as so far away, in no direction.
+    The second is another wall, or the first as another corner of the footprint meets it, farther by less than the
+    footprint's reach. Those farther than `within` [m] count as so far away, in no direction.
     """
     x, y, th = pose
     field = static.field
@@ -297,30 +328,21 @@ def walls_within(static, pose, within):  # type: ignore[no-untyped-def]
     far = interpolate(field, field.nearest, x, y)
     if far - static.around >= found[2]:
         return found
-    nearest = x, y, 0.0, 0.0, static.around
     if far - static.around >= static.exact:  # so far away the footprint counts as the circle around it
-        found = _with_disc(static, found, field.nearest, nearest)
-        return _with_disc(static, found, field.second, nearest)
+        circle = x, y, 0.0, 0.0, static.around
+        for grid in (field.nearest, field.second):
+            away, direction = _wall_of(static, grid, circle)
+            found = _with(static, found, away, direction)
+        return found
+    clear, at = nearest_disc(static, x, y, th, far, np.float64(found[2]))
+    if at < 0:
+        return found
     c, s = math.cos(th), math.sin(th)
-    for j in range(static.groups):
-        if far - _reach(static, j) >= found[2]:
-            break
-        group = _disc(static, j, x, y, c, s)
-        value = interpolate(field, field.nearest, group[0], group[1]) - group[4]
-        if value >= found[2]:
-            continue
-        if value >= static.near:
-            nearest = group if value < found[0] else nearest
-            found = _with_disc(static, found, field.nearest, group)
-            continue
-        for k in _members(static, j):
-            if far - _reach(static, k) >= found[2]:
-                break
-            disc = _disc(static, k, x, y, c, s)
-            before = found[0]
-            found = _with_disc(static, found, field.nearest, disc)
-            nearest = disc if found[0] < before else nearest
-    return _with_disc(static, found, field.second, nearest)
+    nearest = _disc(static, at, x, y, c, s)
+    _, one = _wall_of(static, field.nearest, nearest)
+    away, direction = _second_wall(static, ((x, y, c, s), far), nearest, one, min(found[2], clear + static.reach))
+    found = _with(static, found, np.float32(clear), one)
+    return _with(static, found, away, direction) if away < min(found[2], NOWHERE) else found
 
 
 @inlined

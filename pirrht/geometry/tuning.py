@@ -53,7 +53,7 @@ class GeometryTuning(NamedTuple):
     excess: float = 0.01  # by which the discs that cover a polygon reach beyond it, with their field's error [m]
     cover_share: float = 0.55  # of the excess that the discs take; the rest is the field's
     sure: float = 10.0  # so many times the excess a clearance may be for that to hold; beyond, the field is coarser
-    group_excess: float = 8.0  # what the circle around a group of discs reaches beyond, as a multiple of the excess
+    group_excess: float = 5.0  # what the circle around a group of discs reaches beyond, as a multiple of the excess
     tight: float = 10.0  # up to so many times the excess the clearance of a group is that of its discs
     cover_slack: float = 0.2  # by which discs overlap, as a share of what they reach beyond: samples against discs
     cover_candidates: int = 80  # discs tried along each half of an edge
