@@ -26,15 +26,12 @@ from pirrht.geometry.scene import Workspace
 from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, LEAST_STEP, NEVER, UNSURE, SpaceKernels
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import borrowing, inlined, kernel, load_float32, load_float64
-from pirrht.jit.streams import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival, uniform
+from pirrht.jit.streams import FAR, MIN_VARIANCE, ONE, SIDEWAYS, ZERO, first_crossing, survival, uniform
 
-APART_COSINE = TUNING.apart_cosine
 # Numbers of a row: place x, y of a disc in the robot's frame, radius, and how far it reaches from there [m]; of a group
 # its first row, and the one past its last.
 ROW = 6
 NOWHERE = np.float32(1e6)  # clearance of a wall that is not there [m]
-UNIT = np.float32(1.0)
-NIL = np.float32(0.0)
 
 
 class PolygonNumbers(NamedTuple):
@@ -243,7 +240,7 @@ def apart(static, one, other):  # type: ignore[no-untyped-def]
     square = one[0] * one[0] + one[1] * one[1] + per * one[2] * one[2]
     square *= other[0] * other[0] + other[1] * other[1] + per * other[2] * other[2]
 
-    return along <= 0.0 or along * along < APART_COSINE * APART_COSINE * square
+    return along <= 0.0 or along * along < TUNING.apart_cosine**2 * square
 
 
 @inlined
@@ -279,9 +276,9 @@ def _sides(static, x, y, within):  # type: ignore[no-untyped-def]
     field, least = static.field, np.float32(within)
     left, right = np.float32(x - field.left), np.float32(field.right - x)
     low, high = np.float32(y - field.low), np.float32(field.high - y)
-    found = (least, (NIL, NIL, NIL), least, (NIL, NIL, NIL))
-    found = _with(static, found, min(left, right), (UNIT if left < right else -UNIT, NIL, NIL))
-    return _with(static, found, min(low, high), (NIL, UNIT if low < high else -UNIT, NIL))
+    found = (least, (ZERO, ZERO, ZERO), least, (ZERO, ZERO, ZERO))
+    found = _with(static, found, min(left, right), (ONE if left < right else -ONE, ZERO, ZERO))
+    return _with(static, found, min(low, high), (ZERO, ONE if low < high else -ONE, ZERO))
 
 
 @kernel
@@ -296,7 +293,7 @@ def _second_wall(static, seen, nearest, one, within):  # type: ignore[no-untyped
     field = static.field
     away, direction = _wall_of(static, field.second, nearest)
     if away >= within or not apart(static, one, direction):
-        away, direction = np.float32(within), (NIL, NIL, NIL)
+        away, direction = np.float32(within), (ZERO, ZERO, ZERO)
     for j in range(static.groups):
         if far - _reach(static, j) >= away:
             break
