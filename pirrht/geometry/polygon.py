@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.certify import certificates
@@ -138,7 +138,7 @@ def _around(one: Array, other: Array) -> Array:
     return np.where((other[:, 2] >= apart + one[:, 2])[:, None], other, both)
 
 
-def _by_reach(discs: Array) -> Array:
+def _by_reach(discs: Array) -> IntArray:
     """Return the order of discs (k, 3) in which those that reach farthest come first."""
     return np.argsort(-np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2], kind="stable")
 
