@@ -52,7 +52,7 @@ def narrow_place(tree: Any, x: Array) -> NarrowPlace | None:
 
     vertices = tree.states[: tree.size, :2]
     away = np.hypot(*np.moveaxis(points[:, None] - vertices, -1, 0)).min(axis=1)
-    missed = np.flatnonzero(away > footprint.inscribed)
+    missed = np.flatnonzero(away > footprint.reach)
     end = at[missed[-1]] if len(missed) else at[0]
     near = np.flatnonzero(np.abs(at - end) <= footprint.reach)
     found = space.collision.nearest_walls(points[near], range(len(scene.obstacles)), 1e3)
