@@ -20,14 +20,14 @@ class NarrowPlace(NamedTuple):
 
     at: tuple[float, float]  # [m]
     width: float  # between the two nearest walls [m]
-    beside: str  # name of the nearest obstacle
+    next_to: str  # name of the nearest obstacle
 
     def says(self, footprint: Footprint) -> str:
         """Return a sentence for a person."""
         x, y = self.at
         return (
             f"its {footprint} does not get through or around at ({x:.3g}, {y:.3g}), {self.width:.2g} m wide next to "
-            f'"{self.beside}": it needs {2.0 * footprint.inscribed:.3g} m there at best, headed along it, and room to '
+            f'"{self.next_to}": it needs {2.0 * footprint.inscribed:.3g} m there at best, headed along it, and room to '
             "turn before and after"
         )
 
@@ -41,9 +41,11 @@ def narrow_place(tree: Any, x: Array) -> NarrowPlace | None:
     disc = Footprint.disc(footprint.inscribed, height=footprint.height)
     try:
         space = FreeSpace.of(replace(scene, footprint=disc, robot_radius=disc.radius))
-        easy = type(tree)(space, StraightLine(), limit=tree.limit, classes=1, rng=np.random.default_rng(0))
-        easy.grow(TUNING.easy_vertices)
-        line = easy.references(x[:2])[0].trajectory.points
+        bends = tree.steering.drives  # what it cannot drive is no reason
+        steering = tree.steering if bends else StraightLine()
+        easy = type(tree)(space, steering, limit=tree.limit, classes=1, rng=np.random.default_rng(0))
+        easy.grow(max(tree.size, TUNING.easy_vertices) if bends else TUNING.easy_vertices)
+        line = easy.references(x if bends else x[:2])[0].trajectory.points
     except PirrhtError:
         return None
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
