@@ -37,7 +37,8 @@ class NoReference(PirrhtError):
 
     `limit` is that of |1 - H_i| [turns], `blocked` the nearest blocked signature (M,) [turns], if one was given;
     `hasty` whether a class does from the same place at rest, so that the speed is the reason. `margin` is that of the
-    plan [m], if it is the reason, and `left` one that leaves a path. `narrow` says where a robot with corners gets stuck.
+    plan [m], if it is the reason, and `left` one that leaves a path. `narrow` says where a robot with corners gets
+    stuck.
     """
 
     def __init__(

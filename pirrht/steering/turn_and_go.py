@@ -1,8 +1,8 @@
 """Connect poses by a turn, a straight line and a turn: references of robots with corners that have no steering.
 
-A robot that is no disc is free in some headings only, so the tree of its references has poses for vertices. Along a line
-the robot is headed forwards, or backwards if it can reverse and then turns less. At its ends it turns on the spot, over
-all headings in between: what drives the reference later may turn on an arc near there.
+A robot that is no disc is free in some headings only, so the tree of its references has poses for vertices. Along a
+line the robot is headed forwards, or backwards if it can reverse and then turns less. At its ends it turns on the spot,
+over all headings in between: what drives the reference later may turn on an arc near there.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A unicycle of 1 m x 0.4 m at random states of random rooms, whose wall has a gap that one direction fits.
 
-Plans are compared with the exact solution on (x, y, heading): the share of v and of u within one and two of the standard
-errors that the same plan claims, and beyond three. Biases are means over states, with the scatter of the states as
-their standard errors; that of u is along u*.
+Plans are compared with the exact solution on (x, y, heading): the share of v and of u within one and two of the
+standard errors that the same plan claims, and beyond three. Biases are means over states, with the scatter of the
+states as their standard errors; that of u is along u*.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""A rectangle in random rooms with a gap that only headings along it fit: MuJoCo meets no wall that plans do not know."""
+"""A rectangle in random rooms with a gap that only headings along it fit: MuJoCo meets what plans know."""
 
 from pathlib import Path
 

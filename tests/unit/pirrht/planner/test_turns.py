@@ -1,4 +1,4 @@
-"""Trees of robots with corners: paths whose turns on the spot are free, and the name of the place where there is none."""
+"""Trees of robots with corners: paths whose turns are free, and the name of the place where there is none."""
 
 import math
 
