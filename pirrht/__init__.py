@@ -2,10 +2,11 @@
 
 A package per idea, each of which says its purpose; imports run downward only, so read from the bottom up:
 
-    arrays errors formatting outcome | jit < geometry < topology < freespace < plotting < systems < problem < traits
+    arrays errors formatting outcome | jit < geometry < topology moving < freespace < plotting < systems < problem
+    traits
     steering < planner | rollouts < proposals < estimation
     control
-    moving < exact
+    exact
 
 The tree knows nothing of noise, the path integral nothing of topology; `control` is where they meet (Algorithm 4).
 Names are imported when they are first used, so that importing the package is quick. At the prompt objects show

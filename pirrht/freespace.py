@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 
 import numpy as np
 
@@ -23,8 +22,10 @@ from pirrht.geometry.polygon import Polygon
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.space import BLOCKED, FREE, UNSURE, Space, at_states
 from pirrht.geometry.world import Moving, NoMoving, World
-from pirrht.topology.homology import Homology
+from pirrht.moving.obstacles import MovingObstacleArrays
+from pirrht.topology.choice import signature_of
 from pirrht.topology.obstacles import Component, components, continued
+from pirrht.topology.signature import Signature
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +39,7 @@ class FreeSpace:
     collision: Collision
     field: Field
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
-    homology: Homology  # about static and moving obstacles, with bases at 1 m/s
+    homology: Signature  # about static and moving obstacles, with bases at 1 m/s
     static: Space  # where the footprint is free of static obstacles and border
     moving: Moving  # J moving obstacles, of which field and collision know nothing
 
@@ -71,15 +72,13 @@ class FreeSpace:
         cls, scene: Scene, collision: Collision, parts: Sequence[Component], encircled: tuple[Component, ...],
         named: int | None = None,
     ) -> FreeSpace:  # fmt: skip
-        markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
-        homology = Homology(markers=markers, goal=scene.goal.center.astype(float), named=named)
         try:
             members = sorted(i for part in parts for i in part.members)
             field = Disc.over(build_field(collision, members))
             static = static_of(scene, members, field)
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
-        homology = homology.with_moving(scene.movers, scene.footprint)
+        homology = signature_of(scene, encircled, named)
 
         return cls(
             scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology,
@@ -96,7 +95,7 @@ class FreeSpace:
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
         if self.scene.waivers != scene.narrow or (scene := fitted(scene, self.collision)).waivers != scene.narrow:
             return FreeSpace.of(scene)
-        return replace(self, scene=scene, homology=replace(self.homology, goal=scene.goal.center.astype(float)))
+        return replace(self, scene=scene, homology=self.homology.with_goal(scene.goal.center.astype(float)))
 
     def with_movers(self, movers: Sequence[Mover], moving: Moving | None = None) -> FreeSpace:
         """Return the static world and task among other moving obstacles, whose arrays may be given."""
@@ -158,11 +157,8 @@ def static_of(scene: Scene, members: Sequence[int], field: Disc) -> Space:
 
 
 def moving_of(scene: Scene) -> Moving:
-    """Gather the moving obstacles of a scene, by the one implementation of their interface; in a static one, none."""
-    if not scene.movers:
-        return NoMoving()
-    found: Moving = import_module("pirrht.moving.obstacles").MovingObstacleArrays.of(scene)
-    return found
+    """Gather the moving obstacles of a scene; in a static one, none."""
+    return MovingObstacleArrays.of(scene) if scene.movers else NoMoving()
 
 
 def _checked(scene: Scene, *, start_counts: bool = True) -> tuple[Scene, Collision]:

@@ -174,16 +174,21 @@ def _faults(d: Dynamics) -> Iterator[str]:
         )
     if not 1 <= m <= n:
         yield f"m is {m}; of {n} states at least 1 and at most {n} are actuated"
+    yield from _faults_of_form(d)
     yield from _faults_of_arrays(d, shapes)
     yield from _faults_of_functions(d)
 
 
-def _faults_of_arrays(d: Dynamics, shapes: dict[str, tuple[int, ...]]) -> Iterator[str]:
-    """Find arrays that are of the other form, or whose kind, shape or determinant is wrong."""
+def _faults_of_form(d: Dynamics) -> Iterator[str]:
+    """Find arrays that belong to the other form."""
     for what in ("control_block", "diffusion_block") if d.input_form else ("input_noise", "stratonovich"):
         if getattr(d, what, None) is not None and getattr(d, what) is not False:
             form, remedy = ("paper's", "out") if d.input_form else ("input", "out, or declare an input_matrix")
             yield f"{what} belongs to the {form} form; leave it {remedy}"
+
+
+def _faults_of_arrays(d: Dynamics, shapes: dict[str, tuple[int, ...]]) -> Iterator[str]:
+    """Find arrays whose kind, shape or determinant is wrong."""
     for what, shape in shapes.items():
         value = getattr(d, what)
         functions = what != "input_noise"

@@ -38,9 +38,9 @@ def main() -> int:
     controller = Controller(problem, space, tree, Sampling(dt=0.1, first=PERIOD, samples=200), rng=for_samples)
 
     x, driven, plans = scene.start[:2], [scene.start[:2]], []
-    while not scene.goal.contains(x) and controller.space.clearance(x) > 0.0 and controller.run.time < LONGEST:
+    while not scene.goal.contains(x) and controller.space.clearance(x) > 0.0 and controller.run.clock.time < LONGEST:
         plan = controller.plan(x)
-        if not plans and controller.run.time >= APPEARS:
+        if not plans and controller.run.clock.time >= APPEARS:
             controller.update(room(*WALLS, CRATE))  # a new tree; classes keep their names
             plans += [plan, plan := controller.plan(x)]
         states = []

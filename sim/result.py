@@ -11,14 +11,13 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.topology.homology import Homology
-from pirrht.topology.signature import class_id
+from pirrht.topology.signature import Signature, class_id
 from sim.drawing.colors import passing
 from sim.drive.metrics import Truth
 from sim.scenario import Scenario
 
 
-def classes_json(references: Sequence[Reference], homology: Homology, names: Sequence[str]) -> list[dict[str, Any]]:
+def classes_json(references: Sequence[Reference], homology: Signature, names: Sequence[str]) -> list[dict[str, Any]]:
     """The classes, cheapest first; with a homology in time also how each passes obstacles, static ones by `names`."""
     bodies = passing(references, homology, names)
     return [

@@ -23,7 +23,7 @@ from pirrht.planner.graph import SIZE, Storage
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.chain import keys_of
 from pirrht.steering.steering import Steering
-from pirrht.topology.crossings import Turns
+from pirrht.topology.pairs import Turns
 from sim.files import why_unreadable
 
 Arrays = dict[str, np.ndarray[Any, Any]]

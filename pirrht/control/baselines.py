@@ -23,8 +23,9 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.cost_to_go import cost_to_go, shortest_paths
 from pirrht.control.plan import Plan
-from pirrht.control.policy import ClassMemory, Policy
+from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
+from pirrht.control.run_state import ClassShares
 from pirrht.control.settings import TimeBudget
 from pirrht.errors import NoSurvivingSample, OptionError, refuse_unless_positive
 from pirrht.estimation.assembly import path_integral
@@ -36,23 +37,22 @@ from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import homology_of
 from pirrht.steering.motion import step_means
-from pirrht.topology.homology import Homology
+from pirrht.topology.signature import Signature
 
 USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
 
 
 def follow_best(
-    problem: Problem, estimate: Estimate, batch: Batch, memory: ClassMemory, consistency: float
+    problem: Problem, estimate: Estimate, batch: Batch, shares: ClassShares, consistency: float
 ) -> Estimate:  # fmt: skip
     """Return the estimate by the best class alone, the one followed so far valued `consistency` times as much."""
     ids = list(batch.classes.values())
     values = class_values(problem, estimate)
 
-    if memory.followed in ids:
-        values[ids.index(memory.followed)] *= consistency
+    if shares.followed in ids:
+        values[ids.index(shares.followed)] *= consistency
     best = int(np.argmin(values[: len(ids)]))
-    if memory.followed != ids[best]:
-        memory.followed, memory.mixture = ids[best], None
+    shares.follow(ids[best])
     return alone(problem, estimate, best, {key: name for key, name in batch.classes.items() if name == ids[best]})
 
 
@@ -96,7 +96,7 @@ class Mppi(Policy):
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = 3.0,
-        terminal_cost: Callable[[Array], Array] | None = None, homology: Homology | None = None,
+        terminal_cost: Callable[[Array], Array] | None = None, homology: Signature | None = None,
         predict: ConstantVelocity | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         refuse_unless_positive(horizon, "the horizon", "it must be a positive number of seconds")
@@ -125,7 +125,7 @@ class Mppi(Policy):
         """Decide at state x (n,); without a survivor the control sequence goes on."""
         run, x = self.run, self._state(x)
         self._update_prediction(x, TimeBudget())
-        tape = step_means(self._tape, np.diff(self.times), self.times, self.times + run.since_plan)
+        tape = step_means(self._tape, np.diff(self.times), self.times, self.times + run.clock.since_plan)
         proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
         batch = Batch(state=x, times=self.times, proposals=(proposal,), time=run.now)
         try:
@@ -135,7 +135,8 @@ class Mppi(Policy):
         plan = Plan(
             state=x, times=self.times, references=(), ids=(), estimate=estimate, replay=self.path_integral.replay,
             fallback="no survivor" if estimate is None else None, instead=tape if estimate is None else None,
-            time=run.time, space=self.space, movers=run.movers,
+            time=run.clock.time, space=self.space, movers=run.route.movers,
         )  # fmt: skip
-        self._tape, run.since_plan = plan.tape, 0.0
+        self._tape = plan.tape
+        run.clock.planned(estimated=False)
         return plan

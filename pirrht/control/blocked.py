@@ -9,7 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Law, Plan
-from pirrht.control.policy import Halt, RunState
+from pirrht.control.run_state import Halt, RunState
 from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
@@ -127,11 +127,12 @@ def blocked_plan(
         guides = [one.lead.guide for one in batch.proposals if one.lead.guide is not None]
         best = min(guides, key=lambda guide: guide.penalised, default=None)
         known = held(batch.times, references[0].trajectory.tape(batch.times) if best is None else best.tape)
-    halt = brake.halt(x, space if run.prediction is None else run.prediction.space, run.now, known, run.halt)
-    run.halt, run.since_plan = None if halt.law is known else halt, 0.0
-    run.memory.forget()
+    halt = brake.halt(
+        x, space if run.route.prediction is None else run.route.prediction.space, run.now, known, run.halt
+    )
+    run.wait(None if halt.law is known else halt)
     return Plan(
         state=x, times=halt.times, references=tuple(references),
         ids=() if batch is None else tuple(batch.classes.values()), estimate=None, fallback=why, stops=brake.stops,
-        instead=halt.tape, law=halt.law, time=run.time, space=space, movers=run.movers,
+        instead=halt.tape, law=halt.law, time=run.clock.time, space=space, movers=run.route.movers,
     )  # fmt: skip

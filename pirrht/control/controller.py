@@ -26,7 +26,7 @@ from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.backend import Backend
 from pirrht.steering.in_time import homology_of
-from pirrht.topology.homology import Homology
+from pirrht.topology.signature import Signature
 
 
 class Controller(Policy):
@@ -64,7 +64,7 @@ class Controller(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
         method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
-        held: float | None = None, homology: Homology | None = None, predict: ConstantVelocity | None = None,
+        held: float | None = None, homology: Signature | None = None, predict: ConstantVelocity | None = None,
         tuning: ControlTuning = TUNING, propose: Sequence[Propose] = (), backend: Backend | None = None,
         rng: np.random.Generator,
     ) -> None:  # fmt: skip
@@ -78,7 +78,7 @@ class Controller(Policy):
 
     def _enter(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling,
-        homology: Homology | None = None, propose: Sequence[Propose] = (), backend: Backend | None = None,
+        homology: Signature | None = None, propose: Sequence[Propose] = (), backend: Backend | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree."""
         validate(tree, problem, sampling, self.settings)
@@ -112,7 +112,7 @@ class Controller(Policy):
         except NoReference:
             if run.planned or self.space.scene.movers:
                 return blocked_plan(self.brake, x, run, self.space, "no reference")
-            run.queried = None
+            run.query(None)
             raise
         # line 4: u <- PathIntegral(x_cur, U_in)
         draft = self.proposals.draft(x, references, run, budget)

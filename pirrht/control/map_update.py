@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.control.policy import RunState
+from pirrht.control.run_state import RunState
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
@@ -47,20 +47,20 @@ def renewed(
 
 def continue_among(space: FreeSpace, run: RunState) -> None:
     """Continue a run among other static obstacles; classes keep their names, and memory while their paths are free."""
-    path = run.path
-    memory = run.memory
-    before = run.homology
+    path = run.route.path
+    starts = run.starts
+    before = run.route.homology
     goal = space.scene.goal.center
 
-    path.enter(space.homology)
-    rests = {whole: guide.rest(run.since_plan, goal) for whole, (guide, *_) in memory.optima.items()}
-    lines = {whole: np.vstack(one.points(SPACING)) for whole, one in memory.paths.items()}
+    run.route.enter(space.homology)
+    rests = {whole: guide.rest(run.clock.since_plan, goal) for whole, (guide, *_) in starts.optima.items()}
+    lines = {whole: np.vstack(one.points(SPACING)) for whole, one in starts.paths.items()}
     lines |= {whole: rest.points for whole, rest in rests.items() if rest is not None}
     free = [whole for whole, line in lines.items() if space.segments_free(line)]
     ahead = [space.homology.winding(np.vstack([path.here, lines[whole]])) for whole in free]
     heirs = {whole: integers(np.add(path.winding(), one)) for whole, one in zip(free, ahead, strict=True)}
     names = {before.name(then): space.homology.name(now) for then, now in heirs.items()}
-    run.homology, run.memory = space.homology, memory.renamed(heirs, names)
+    run.rename(heirs, names)
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -17,7 +17,7 @@ from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.in_time import InTime
-from pirrht.topology.homology import Homology
+from pirrht.topology.signature import Signature
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,7 +25,7 @@ class Prediction:
     """Predict moving obstacles on a clock of its own: one snapshot for sampler, proposals, tree and feedback."""
 
     space: FreeSpace
-    homology: Homology
+    homology: Signature
     tree: HomologyTree | None  # None: none is required
     since: float  # when its clock starts, on that of the run [s]
 

@@ -12,8 +12,8 @@ from pirrht.arrays import Array
 from pirrht.control.baselines import follow_best
 from pirrht.control.held import HeldLaw
 from pirrht.control.plan import Law, Plan, controls_followed, pooled
-from pirrht.control.policy import ClassFromStart, RunState, from_start
 from pirrht.control.prediction import favourite_path
+from pirrht.control.run_state import ClassFromStart, RunState, from_start
 from pirrht.control.settings import ControlSettings, TimeBudget
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate, all_samples
@@ -44,7 +44,7 @@ class Draft:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProposalBuilder:
-    """Builds the proposals of plans; all that it learns is in the memory of the run."""
+    """Builds the proposals of plans; all that it learns is in the state of the run."""
 
     integral: PathIntegral
     settings: ControlSettings
@@ -60,55 +60,67 @@ class ProposalBuilder:
 
     def draft(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Draft:
         """Return what a plan at x (n,) samples around references, or passive dynamics if there is none."""
-        integral, memory, samples = self.integral, run.memory, self.integral.sampling.samples
-        trajectories, guidance = [reference.trajectory for reference in references], self.integral.guidance
-        times = integral.grid(least_cost(integral.problem, x, trajectories))
+        integral, starts = self.integral, run.starts
+        times = integral.grid(least_cost(integral.problem, x, [one.trajectory for one in references]))
         classes = from_start(run, references)
-        driven, homology = run.path.winding(), run.homology
-        others = {homology.key(integers(np.subtract(one, driven))): homology.name(one) for one in memory.paths}
+        driven, homology = run.route.path.winding(), run.route.homology
+        others = {homology.key(integers(np.subtract(one, driven))): homology.name(one) for one in starts.paths}
         if not references:
-            still = Proposal(lead=Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m))), count=samples)
-            return Draft(batch=Batch(state=x, times=times, proposals=(still,), time=run.now, others=others))
-        allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
-        names = [*map(homology.name, classes)]
-        keys = [homology.key(one.winding) for one in references]
-        controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
-        predicted = [one.promise for one in controls]
-        worth = [one.follows for one in controls]
-        counts = [samples] * len(classes)
-
-        def followed(guide: DDPGuide) -> ProposalControl:
-            """Follow a guide with its feedback, or its nominal controls, the last of which leads on into the goal."""
-            if guidance is not None:
-                return LinearFeedback(guide)
-            nominal, end = guide.tape, guide.length
-            nominal[end : end + TUNING.onward] = nominal[end - 1]
-            return Tape(times, nominal)
-
-        if guidance is not None or any(one.slack is not None for one in trajectories):
-            guides = self._guides(x, times, references, run, budget)
-            pairs = zip(controls, guides, strict=True)
-            controls = [one if guide is None else followed(guide) for one, guide in pairs]
-        if guidance is not None:
-            counts = guidance.counts(guides, samples)
-            predicted = [0.0] * len(counts)  # costs are too rough
-            worth = [count > TUNING.few for count in counts]
-            memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
-        if allocates:  # by contributions in earlier plans
-            counts = memory.allocation.counts(names, predicted, worth, samples)
-        rows = zip(controls, counts, names, keys, strict=True)
-        proposals = tuple(Proposal(lead=one, count=count, name=name, key=key) for one, count, name, key in rows)
+            still = Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m)))
+            passive = Proposal(lead=still, count=integral.sampling.samples)
+            return Draft(batch=Batch(state=x, times=times, proposals=(passive,), time=run.now, others=others))
+        leads = self._leads(x, times, references, run, budget)
+        proposals = tuple(
+            Proposal(lead=lead, count=count, name=homology.name(one), key=homology.key(reference.winding))
+            for (lead, count), one, reference in zip(leads, classes, references, strict=True)
+        )
 
         @cache
         def others_of(k: int) -> list[ProposalControl]:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point, and the user's own."""
-            optima = memory.optima.get(classes[k], [])[1:]
-            second = followed(optima[0]) if optima else integral.proposals.defensive(x, trajectories[k], run.now)
+            if optima := starts.optima.get(classes[k], [])[1:]:
+                second: ProposalControl | None = self._followed(optima[0], times)
+            else:
+                second = integral.proposals.defensive(x, references[k].trajectory, run.now)
             found = [second, *(propose(x, proposals[k].lead) for propose in self.propose)]
             return [one for one in found if one is not None]
 
         batch = Batch(state=x, times=times, proposals=proposals, time=run.now, others=others)
         return Draft(batch=batch, classes=classes, others=others_of if self.settings.use.mixes else None)
+
+    def _leads(
+        self, x: Array, times: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget
+    ) -> list[tuple[ProposalControl, int]]:
+        """Return the default proposal of each class from x (n,), and its number of samples."""
+        integral, guidance, samples = self.integral, self.integral.guidance, self.integral.sampling.samples
+        allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
+        trajectories, classes = [one.trajectory for one in references], from_start(run, references)
+        controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
+        predicted = [one.promise for one in controls]
+        worth = [one.follows for one in controls]
+        counts = [samples] * len(classes)
+
+        if guidance is not None or any(one.slack is not None for one in trajectories):
+            guides = self._guides(x, times, references, run, budget)
+            pairs = zip(controls, guides, strict=True)
+            controls = [one if guide is None else self._followed(guide, times) for one, guide in pairs]
+        if guidance is not None:
+            counts = guidance.counts(guides, samples)
+            predicted = [0.0] * len(counts)  # costs are too rough
+            worth = [count > TUNING.few for count in counts]
+            run.starts.mark_sampled({one for one, enough in zip(classes, worth, strict=True) if enough})
+        if allocates:  # by contributions in earlier plans
+            names = [*map(run.route.homology.name, classes)]
+            counts = run.shares.allocation.counts(names, predicted, worth, samples)
+        return [*zip(controls, counts, strict=True)]
+
+    def _followed(self, guide: DDPGuide, times: Array) -> ProposalControl:
+        """Follow a guide with its feedback, or its nominal controls, the last of which leads on into the goal."""
+        if self.integral.guidance is not None:
+            return LinearFeedback(guide)
+        nominal, end = guide.tape, guide.length
+        nominal[end : end + TUNING.onward] = nominal[end - 1]
+        return Tape(times, nominal)
 
     def mixture(self, draft: Draft, run: RunState) -> Batch:
         """Return the batch of a draft, with the samples of a class divided between its proposals and its fitted law."""
@@ -117,10 +129,10 @@ class ProposalBuilder:
             return draft.batch
 
         def added(k: int) -> list[ProposalControl]:
-            fitted = self._fitted(draft.classes[k], run)
-            return [*([] if fitted is None else [fitted]), *others(k)]
+            fitted = run.starts.fitted(draft.classes[k], run.clock.since_plan, timed=self.integral.moving)
+            return [*([] if fitted is None else [LinearFeedback(fitted)]), *others(k)]
 
-        return replace(draft.batch, proposals=tuple(run.memory.allocation.split(draft.batch.proposals, added)))
+        return replace(draft.batch, proposals=tuple(run.shares.allocation.split(draft.batch.proposals, added)))
 
     def estimate(self, draft: Draft, seed: int, run: RunState, budget: TimeBudget) -> tuple[Batch, Estimate | None]:
         """Sample and weigh a draft, and learn from it; return the batch that was weighed, None if no sample survives.
@@ -128,22 +140,22 @@ class ProposalBuilder:
         A plan with too few effective samples fits its laws to those it has and draws again, twice as many each time, up
         to one round more than has enough. It is weighed by the last round alone, whose laws were known before it.
         """
-        integral, memory = self.integral, run.memory
+        integral = self.integral
         effort = self._effort(run, budget)
         batch = self.mixture(draft, run)
         integral.proposals.tables(batch)
-        run.most = budget.most_classes(len(batch.classes))
+        run.effort.limit(budget.most_classes(len(batch.classes)))
         if self.learns:
             batch, estimate, drawn = self._rounds(draft, batch, seed, run, budget, effort)
         else:
             estimate = self._round(batch, seed, run, budget, effort)
             drawn = 0.0 if estimate is None else sum(part.size for part in estimate.parts) / sum(batch.counts)
-        if run.time > run.begun and effort.least > 0.0:
-            memory.saved = 0.0 if estimate is None else max(0.0, memory.saved + 1.0 - drawn)
+        if not run.clock.first and effort.least > 0.0:
+            run.effort.spend(None if estimate is None else drawn)
         if estimate is None:
             return batch, None
         if self.settings.use.alone and batch.classes:
-            estimate = follow_best(integral.problem, estimate, batch, memory, self.settings.consistency)
+            estimate = follow_best(integral.problem, estimate, batch, run.shares, self.settings.consistency)
         lost = integral.guidance is not None and batch.classes and estimate.survivors == 0
         return batch, None if lost else estimate
 
@@ -163,7 +175,7 @@ class ProposalBuilder:
             estimate = self._round(batch, round_seed(seed, number), run, budget, ONCE)
             drawn += multiple
             enough = estimate is not None and estimate.ess >= effort.least
-            if last or (enough and run.time > run.begun) or 2.0 * drawn > effort.multiple:
+            if last or (enough and not run.clock.first) or 2.0 * drawn > effort.multiple:
                 break
             last = enough
             batch = self.mixture(draft, run)
@@ -172,56 +184,47 @@ class ProposalBuilder:
 
     def _effort(self, run: RunState, budget: TimeBudget) -> Effort:
         """Return what a plan draws; later plans that follow guides save for weak ones."""
-        integral, tuning, memory = self.integral, self.integral.tuning, run.memory
+        integral, tuning = self.integral, self.integral.tuning
         least = integral.sampling.least if budget.left is None else 0.0
-        if run.time <= run.begun:
+        if run.clock.first:
             return Effort(least, tuning.first_plan)
-        memory.saved = min(memory.saved + tuning.saved, tuning.later_plan - 1.0)
+        saved = run.effort.save(tuning.saved, tuning.later_plan - 1.0)
         follows = integral.guidance is not None and not integral.proposals.pointlike
-        return Effort(min(least, tuning.few) if follows else 0.0, 1.0 + memory.saved)
+        return Effort(min(least, tuning.few) if follows else 0.0, 1.0 + saved)
 
     def _round(self, batch: Batch, seed: int, run: RunState, budget: TimeBudget, effort: Effort) -> Estimate | None:
         """Sample and weigh a batch, and learn from it; None if no sample has any weight."""
-        left = None if budget.left is None else budget.less(run.fitting)
+        left = None if budget.left is None else budget.less(run.effort.fitting)
         try:
             estimate = self.integral.sample(batch, seed, left=left, effort=effort)
         except NoSurvivingSample:
             return None
-        run.memory.weak = estimate.ess < TUNING.fit_enough
+        run.effort.judged(weak=estimate.ess < TUNING.fit_enough)
         for name, weight in estimate.class_weights.items():
             if weight >= TUNING.fit_weight:
-                run.memory.again.pop(name, None)
+                run.retries.hasten(name)
         if self.settings.use.mixes:
-            run.memory.allocation.learn(batch, estimate)
+            run.shares.allocation.learn(batch, estimate)
         if self.learns:
             begun = budget.spent
             self._learn(batch, estimate, run)
-            run.fitting = budget.spent - begun
+            run.effort.fitted(budget.spent - begun)
         return estimate
-
-    def _fitted(self, one: ClassFromStart, run: RunState) -> LinearFeedback | None:
-        """Return the law around the guide of a class that samples of earlier plans suggest, if there are any."""
-        fits, optima = run.memory.fits, run.memory.optima
-        if one not in fits or one not in optima:
-            return None
-        if fits[one].guide is not optima[one][0]:
-            fits[one] = fits[one].carried(optima[one][0], run.since_plan, timed=self.integral.moving)
-        return LinearFeedback(fits[one].followed)
 
     def _learn(self, batch: Batch, estimate: Estimate, run: RunState) -> None:
         """Fit the laws of classes that have weight to the samples of a plan, for the next one."""
-        integral, memory, driven = self.integral, run.memory, run.path.winding()
+        integral, starts, driven = self.integral, run.starts, run.route.path.winding()
         paths, log_weight, _ = all_samples(estimate.parts)
         multiple = len(log_weight) / (integral.sampling.samples * max(1, len(batch.classes)))
         enough = estimate.ess >= TUNING.fit_enough * max(1.0, multiple)
         most = TUNING.fit_most * max(1.0, multiple)
         fits = dict[ClassFromStart, LawFit]()
 
-        for one, (guide, *_) in memory.optima.items():
-            name = run.homology.name(one)
-            key = run.homology.key(integers(np.subtract(one, driven)))
+        for one, (guide, *_) in starts.optima.items():
+            name = run.route.homology.name(one)
+            key = run.route.homology.key(integers(np.subtract(one, driven)))
             weight = estimate.class_weights.get(name, 0.0)
-            fit = memory.fits.get(one)
+            fit = starts.fits.get(one)
             of_class = [h for h, proposal in enumerate(batch.proposals) if proposal.name == name]
             own = np.flatnonzero((paths.key == key) & (paths.outcome == Outcome.GOAL))
             if fit is not None and fit.guide is guide:
@@ -237,7 +240,7 @@ class ProposalBuilder:
             for part, number, worth in estimate.split(own[found], counts):
                 applied = integral.replay.applied(part, number)
                 fit.learn(applied, worth, batch.proposals[h].lead.guide, timed=integral.moving)
-        memory.fits = fits
+        starts.keep_fits(fits)
 
     def _guides(
         self, x: Array, times: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget
@@ -247,42 +250,42 @@ class ProposalBuilder:
         The first guides of a run are improved from all initialisations. If time is short, new classes get none,
         except the cheapest, which is improved as long as there is time. Hopeless classes of tracked paths get none.
         """
-        guidance, memory, short = self.integral.proposals.nominal, run.memory, budget.short
+        guidance, starts, short = self.integral.proposals.nominal, run.starts, budget.short
         classes = from_start(run, references)
-        anew = not memory.optima and not short()
-        names = [*map(run.homology.name, classes)]
-        memory.guided += 1
+        anew = not starts.optima and not short()
+        names = [*map(run.route.homology.name, classes)]
         some = guidance.tuning.later_paces
-        paces = some[memory.guided % len(some)] if memory.weak else ()
+        turn = run.retries.count() % len(some)
+        paces = some[turn] if run.effort.weak else ()
 
         def improved(k: int) -> list[DDPGuide]:
             one = references[k]
-            last = memory.optima.get(classes[k], [])
+            last = starts.optima.get(classes[k], [])
             late = k > 0 and short()
 
-            waits = memory.waits(names[k])
+            waits = k > 0 and run.retries.waits(names[k])
             if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and (late or waits)):
                 return []  # new ones take ten times as long
-            query = guidance.query(x, times, run.homology.key(one.winding), run.now)
+            query = guidance.query(x, times, run.route.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
             return guidance.optima(
                 query,
                 one.trajectory,
                 last,
-                run.since_plan,
+                run.clock.since_plan,
                 thorough=thorough,
-                paces=paces if classes[k] in memory.sampled else (),
+                paces=paces if classes[k] in starts.sampled else (),
                 short=short,
             )
 
-        found = [] if memory.optima else [improved(0)]
-        known = [some[0].penalised for some in [*memory.optima.values(), *found] if some and some[0].valid]
+        found = [] if starts.optima else [improved(0)]
+        known = [some[0].penalised for some in [*starts.optima.values(), *found] if some and some[0].valid]
         bound = guidance.hopeless(min(known, default=np.inf))  # of tracked paths, which cost less than what tracks them
         found += mapped(improved, range(len(found), len(references)), self.integral.threads)
-        memory.optima = {one: some for one, some in zip(classes, found, strict=True) if some and some[0].valid}
+        starts.keep_optima(dict(zip(classes, found, strict=True)))
         for name, one in zip(names[1:], classes[1:], strict=True):
-            if not self.integral.moving and one not in memory.optima and not memory.waits(name):
-                memory.again[name] = memory.guided + guidance.tuning.again
+            if not self.integral.moving and one not in starts.optima:
+                run.retries.postpone(name, guidance.tuning.again)
         return [some[0] if some else None for some in found]
 
 
@@ -297,24 +300,23 @@ def plan_of(
     settings: ControlSettings,
 ) -> Plan:  # fmt: skip
     """Return the plan that an estimate makes, with feedback until the next one unless controls are held."""
-    x, memory = batch.state, run.memory
+    x, shares = batch.state, run.shares
     push = integral.proposals.push(estimate.rollouts.tables, x, run.now)
     if settings.between == "classes":
         followed = controls_followed(batch, estimate)
-        memory.mixture = pooled(
-            integral.problem, memory.mixture, estimate, followed, push, run.since_estimate, settings.tuning
-        )
-    mixture, run.halt = memory.mixture, None
+        since = run.clock.since_estimate
+        shares.pool(pooled(integral.problem, shares.mixture, estimate, followed, push, since, settings.tuning))
+    mixture = shares.mixture
     law: Law | None = mixture
     if mixture is not None and settings.held is not None and push.offset > 0.0:
         law = HeldLaw.of(mixture, push, settings.held, x)
     plan = Plan(
         state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()), estimate=estimate,
-        replay=integral.replay, fallback=None, law=law, classes=batch.named, time=run.time, push=push,
-        shares=None if mixture is None else mixture.weights(x, 0.0), followed=memory.followed, space=integral.space,
-        movers=run.movers,
+        replay=integral.replay, fallback=None, law=law, classes=batch.named, time=run.clock.time, push=push,
+        shares=None if mixture is None else mixture.weights(x, 0.0), followed=shares.followed, space=integral.space,
+        movers=run.route.movers,
     )  # fmt: skip
-    run.planned, run.since_plan, run.since_estimate = True, 0.0, 0.0
-    if run.prediction is not None:
-        run.favourite = favourite_path(plan)
+    run.plan()
+    if run.route.prediction is not None:
+        run.route.prefer(favourite_path(plan))
     return plan

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.policy import ClassFromStart, RunState, from_start
+from pirrht.control.run_state import ClassFromStart, RunState, from_start
 from pirrht.control.settings import ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference
 from pirrht.planner.references import Reference
@@ -28,15 +28,15 @@ def extract_references(
     tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
 ) -> list[Reference]:
     """Return the references at x (n,), cheapest first: those of the tree (Algorithm 5), and those left from guides."""
-    method, memory = settings.use, run.memory
+    method, starts = settings.use, run.starts
     if tree is None or method.most == 0:
         return []
-    driven = run.path.winding()
-    before = {integers(np.subtract(whole, driven)): path for whole, path in memory.paths.items()}
+    driven = run.route.path.winding()
+    before = {integers(np.subtract(whole, driven)): path for whole, path in starts.paths.items()}
     try:
         found = tree.references(
             tree.at(x, run.now), shortened=settings.shortened, before=before, over_budget=budget.short,
-            threads=threads, most=run.most,
+            threads=threads, most=run.effort.most,
         )  # fmt: skip
     except NoReference:
         if rest := _remaining_guides(tree, x, run):
@@ -45,25 +45,26 @@ def extract_references(
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
         raise
     classes = from_start(run, found)
-    left_out = {} if run.most is None else memory.paths
-    memory.paths = left_out | {one: reference.path for one, reference in zip(classes, found, strict=True)}
+    paths = {one: reference.path for one, reference in zip(classes, found, strict=True)}
+    starts.keep_paths(paths, all_of_them=run.effort.most is None)
     if method.most is not None:
-        return found[: method.most][: run.most]
+        return found[: method.most][: run.effort.most]
     found += _remaining_guides(tree, x, run, classes)
-    return sorted(found, key=lambda reference: reference.cost)[: run.most]
+    return sorted(found, key=lambda reference: reference.cost)[: run.effort.most]
 
 
 def _remaining_guides(
     tree: HomologyTree, x: Array, run: RunState, known: Sequence[ClassFromStart] = ()
 ) -> list[Reference]:
     """Return what is left of guides from x (n,), of classes that are not `known`; close to walls trees lack curves."""
-    references, named = list[Reference](), run.homology.named
-    for whole, (guide, *_) in run.memory.optima.items():
-        if whole not in run.memory.sampled or whole in known:
+    references = list[Reference]()
+    homology, driven = run.route.homology, run.route.path.winding()
+    for whole, (guide, *_) in run.starts.optima.items():
+        if whole not in run.starts.sampled or whole in known:
             continue
-        rest = guide.rest(run.since_plan, tree.space.scene.goal.center)
-        winding = integers(np.subtract(whole, run.path.winding()))
-        signature = run.homology.signature(run.homology.at(x, run.now), winding)
+        rest = guide.rest(run.clock.since_plan, tree.space.scene.goal.center)
+        winding = integers(np.subtract(whole, driven))
+        signature = homology.signature(homology.at(x, run.now), winding)
         if rest is not None and np.all(np.abs(signature - 1.0) <= tree.limit):
-            references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
+            references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=homology.named))
     return references

@@ -13,12 +13,12 @@ from pirrht.rollouts.backend import Backend
 from pirrht.rollouts.cpu import Cpu, setup_of
 from pirrht.rollouts.tables import PredictedWorld
 from pirrht.steering.in_time import homology_of
-from pirrht.topology.homology import Homology
+from pirrht.topology.signature import Signature
 
 
 def path_integral(
     problem: Problem, space: FreeSpace, sampling: Sampling, *, terminal_cost: Callable[[Array], Array] | None = None,
-    homology: Homology | None = None, backend: Backend | None = None,
+    homology: Signature | None = None, backend: Backend | None = None,
 ) -> PathIntegral:  # fmt: skip
     """Assemble the estimator of a problem.
 
@@ -32,5 +32,6 @@ def path_integral(
     world = PredictedWorld((setup_of(problem, space, bridge=sampling.exit == "bridge"), classes))
     threads = sampling.threads or len(os.sched_getaffinity(0))
     proposals = ProposalFactory(problem, space, sampling, world)
-    simulates = Cpu.of(problem, space.world, threads, fitted=sampling.fitted) if backend is None else backend
-    return PathIntegral(proposals, simulates, threads=threads, terminal_cost=terminal_cost)
+    if backend is None:
+        backend = Cpu.of(problem, world.setup, classes.table.kernels, threads, fitted=sampling.fitted)
+    return PathIntegral(proposals, backend, threads=threads, terminal_cost=terminal_cost)

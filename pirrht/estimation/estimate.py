@@ -63,7 +63,8 @@ class Estimate:
             known (`weights.shrinkage`).
         log_psi: logarithm of the desirability [nats].
         value: v = -lambda log psi [cost].
-        value_error: standard error of v [cost]; its largest term counts several times (`weights.scatter`).
+        value_error: standard error of v [cost]; its largest term counts several times (`weights.scatter`). Where noise
+            does not act on the position, it includes the bias of whole steps.
         control_error: standard error of the control, (m,) [control], with the bias of its mean near walls.
         ess: effective sample size (sum w)^2 / sum w^2 of all samples.
         weight: normalised, (S,), of the samples in `rollouts`; with others in `parts` they sum to less than 1.
@@ -194,6 +195,9 @@ def weigh(
     errors = deviation(terms, first, parts[0].tables.mirrored)
     total_ess = float(1.0 / np.sum(weight**2))
     control_error = errors[1:] / span
+    # Paths without noise on the position bend within a whole step, by which v is off (`TUNING.step_bias`).
+    whole = 0.0 if problem.dynamics.noisy_position else float(np.diff(parts[0].tables.times[-2:])[0])
+    steps = TUNING.step_bias * problem.least_rate * whole
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
     free, unresolved = walls.corrected_control(control, np.einsum("s,sm->m", weight, paths.start_control))
     means = controls / np.maximum(spans, 1e-300)[:, None] + (free - control)
@@ -209,7 +213,7 @@ def weigh(
     begin = sum(part.size for part in parts[:shown])
     return Estimate(
         control=free + drawn_around @ parts[0].rise + walls.push, log_psi=log_psi,
-        value=-problem.temperature * log_psi, value_error=problem.temperature * float(errors[0]),
+        value=-problem.temperature * log_psi, value_error=math.hypot(problem.temperature * float(errors[0]), steps),
         control_error=np.hypot(control_error, unresolved), ess=total_ess,
         weight=weight[begin : begin + parts[shown].size],
         class_weights=dict(zip(names, shares.tolist(), strict=True)),

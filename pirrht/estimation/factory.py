@@ -201,7 +201,7 @@ class ProposalFactory:
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T * FINER, guidance.law_width if guidance else 0)), law_length=np.zeros(H, np.int64),
-            marks=homology.rays(x, times + batch.time),
+            classes=homology.table, marks=homology.rays(x, times + batch.time),
             law_weight=wall_drift.linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
         for h, proposal in enumerate(batch.proposals):

@@ -34,7 +34,7 @@ from pirrht.rollouts.tables import Chosen, Origin, Setup
 if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
     from pirrht.estimation.factory import ProposalFactory
     from pirrht.geometry.world import Moving
-    from pirrht.topology.homology import Homology
+    from pirrht.topology.signature import Signature
 
 
 class Replay(NamedTuple):
@@ -106,7 +106,7 @@ class PathIntegral:
         return self.proposals.world.setup
 
     @property
-    def homology(self) -> Homology:
+    def homology(self) -> Signature:
         """Classes of paths under the current prediction."""
         return self.proposals.world.homology
 
@@ -115,7 +115,7 @@ class PathIntegral:
         """Check for moving obstacles."""
         return self.proposals.world.moving
 
-    def set_prediction(self, moving: Moving, homology: Homology) -> None:
+    def set_prediction(self, moving: Moving, homology: Signature) -> None:
         """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
         world = self.setup.world._replace(moving=moving)
         self.proposals.world.snapshot = self.setup._replace(world=world), homology

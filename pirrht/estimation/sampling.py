@@ -44,6 +44,7 @@ class EstimationTuning(NamedTuple):
     prior_shape: float = 0.5  # prior of the shape
     prior_weight: int = 10  # its weight in samples
     heavy: float = 0.7  # shape from which on errors are unreliable
+    step_bias: float = 1.5e-3  # of a whole step's cost q dt, by which v is off; found by `calibration --part car`
 
 
 TUNING = EstimationTuning()

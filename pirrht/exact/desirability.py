@@ -34,8 +34,7 @@ from pirrht.steering.in_time import homology_of
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.topology.homology import Homology
-from pirrht.topology.signature import class_id
+from pirrht.topology.signature import Signature, class_id
 from pirrht.traits import Traits
 
 
@@ -202,7 +201,7 @@ class Desirability:
 
     def _walk(
         self, x: Array, samples: int, seed: int, t: float, step: float, *, margin: float | None = None
-    ) -> tuple[Homology, Array, Array, IntArray]:
+    ) -> tuple[Signature, Array, Array, IntArray]:
         """Draw paths by steps [s], with a margin [m] of held controls: turns, ends, outcomes."""
         d = self.problem.dynamics
         homology = homology_of(self.problem, self.space)
@@ -218,9 +217,10 @@ class Desirability:
         turns = np.zeros((samples, homology.M))
         ends = np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
-        kernels = self.space.static.kernels
-        walk = walker(self.evaluate, d.drift, how, self.moves, at_states(kernels, d.reads(kernels.turns)))
-        walk(self.grid, process, homology.markers, homology.tracks, x0, seed, turns, ends, outcome)
+        footprint, classes = self.space.static.kernels, homology.table
+        states = at_states(footprint, d.reads(footprint.turns))
+        walk = walker(self.evaluate, d.drift, how, self.moves, states, classes.kernels)
+        walk(self.grid, process, classes, x0, seed, turns, ends, outcome)
         return homology, turns, ends, outcome
 
 
@@ -243,7 +243,7 @@ class Optimal(Policy):
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
-        now, world = self.run.time, self.path_integral.setup.world
+        now, world = self.run.clock.time, self.path_integral.setup.world
         gap = self.desirability.gap
         reads = self.path_integral.problem.dynamics.reads(world.static.kernels.turns)
 
@@ -260,5 +260,5 @@ class Optimal(Policy):
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
             instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(value), space=self.space,
-            movers=self.run.movers,
+            movers=self.run.route.movers,
         )  # fmt: skip

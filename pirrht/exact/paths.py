@@ -17,11 +17,10 @@ from pirrht.arrays import Array
 from pirrht.control.held import NEAR_WALL, THROW
 from pirrht.exact.boundaries import clearance_at, poses_at
 from pirrht.exact.grid import TUNING, Frame, in_goal
-from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.space import COLLISION, GOAL, INSIDE, StateKernels
 from pirrht.jit.jit import as_jitable, kernel
 from pirrht.jit.streams import normals, stream, uniform
-from pirrht.topology.tracks import turns_of_step
+from pirrht.topology.signature import SignatureKernels
 
 
 class Process(NamedTuple):
@@ -40,14 +39,17 @@ class Process(NamedTuple):
 
 
 @cache
-def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool, states: StateKernels) -> Any:
-    """Build the kernel (grid, `Process`, markers (M, 2) [m], J tracks, x0, seed, turns, x, outcome) that draws paths.
+def walker(
+    evaluate: Any, drift: Callable[..., None], how: str, moves: bool, states: StateKernels, classes: SignatureKernels
+) -> Any:  # fmt: skip
+    """Build the kernel (grid, `Process`, table, x0, seed, turns, x, outcome) that draws paths.
 
-    Turns (S, M + J) [turns], zeros before, are about markers and tracks; x (S, n + 1) and outcomes (S,) are ends of
-    paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s]; `how` is continuous, stepwise or held;
-    `states` are the footprint's at states of the system.
+    Turns (S, M) [turns], zeros before, are about the obstacles of a signature with kernels `classes` and a `table`;
+    x (S, n + 1) and outcomes (S,) are ends of paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s];
+    `how` is continuous, stepwise or held; `states` are the footprint's at states of the system.
     """
     move, clearance = as_jitable(drift), states.clearance
+    add_turns = classes.turns
 
     @kernel
     def clear(grid, process, x):  # type: ignore[no-untyped-def]
@@ -162,10 +164,9 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool, sta
     advance = {"continuous": continuous, "stepwise": stepwise, "held": held}[how]
 
     @kernel
-    def walk(grid, process, markers, tracks, x0, seed, turns, ends, outcome):  # type: ignore[no-untyped-def]
+    def walk(grid, process, table, x0, seed, turns, ends, outcome):  # type: ignore[no-untyped-def]
         slope = np.zeros(x0.shape[0] - 1)
         f = np.zeros(x0.shape[0] - 1)
-        M = markers.shape[0]
 
         for s in range(outcome.shape[0]):
             state = stream(seed, s)
@@ -177,11 +178,7 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool, sta
                 ax, ay = x[0], x[1]
                 at = x[-1]
                 state = advance(grid, process, x, slope, f, state)
-                for k in range(M):
-                    mx, my = markers[k, 0], markers[k, 1]
-                    turns[s, k] += turns_of_chord(ax - mx, ay - my, x[0] - mx, x[1] - my)
-                for k in range(M, turns.shape[1]):
-                    turns[s, k] += turns_of_step(tracks, k - M, (ax, ay, at), (x[0], x[1], x[-1]))
+                add_turns(table, (ax, ay, at), (x[0], x[1], x[-1]), turns[s])
                 outcome[s] = end(grid, process, x)
             ends[s] = x
 

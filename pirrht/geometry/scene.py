@@ -107,10 +107,10 @@ class Scene:
         robot_height: of that sphere's centre above the ground [m].
         defaults: option name -> value that the scene asks for, in the option's unit.
         movers: moving obstacles; `obstacles` holds only static ones.
-        footprint: as which the robot plans, where that is no disc of the radius.
         margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
         narrow: discs around narrow passages in which less margin counts.
         waivers: these and those at start and goal; `FreeSpace.of` sets them.
+        footprint: as which the robot plans, where that is no disc of the radius.
 
     Raises:
         SceneError: start or goal lie outside the workspace, something is empty, or a number is none or larger than

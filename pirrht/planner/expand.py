@@ -28,7 +28,7 @@ from pirrht.planner.rewire import ask_again, reaches, relaxed
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.edges import NO_EDGES, Edges, judge_with
 from pirrht.steering.motion import MotionKernels
-from pirrht.topology.homology import write_base
+from pirrht.topology.signature import SignatureKernels
 
 
 class PassageSampler:
@@ -153,10 +153,15 @@ _propose = caller((NO_EDGES, 0))
 
 @cache
 def proposer(
-    nearest: Callable[..., None], connect: Callable[..., Any], count: int, motion: MotionKernels
+    nearest: Callable[..., None],
+    connect: Callable[..., Any],
+    count: int,
+    motion: MotionKernels,
+    classes: SignatureKernels,
 ) -> Callable[..., tuple[Edges, int]]:
-    """Make what `grow` calls of a `CompiledSteering` (`nearest_with`, optimum, `count` numbers) and its motions."""
+    """Make what `grow` calls of a `CompiledSteering` (`nearest_with`, optimum, `count` numbers) and its kernels."""
     judge = judge_with(motion)
+    base = classes.base
 
     def propose(vertices, size, x, around, values, forward, root, straight):  # type: ignore[no-untyped-def]
         """Propose `Edges` between x (n,), which may be a root, and vertices near it; count those that are unsure.
@@ -176,8 +181,7 @@ def proposer(
         if not forward:
             into_goal[:] = root
         tails, heads = (here, others) if forward else (others, here)
-        goal = (around.goal_x, around.goal_y)
-        write_base(around.markers, around.tracks, goal, around.speed, x, straight)
+        base(around.classes, x, straight)
         return judge(around, connect(tails, heads, numbers), into_goal, near)
 
     return propose

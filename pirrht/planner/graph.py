@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.jit.jit import inlined, load_int32, load_int64
 from pirrht.planner.tuning import TUNING
-from pirrht.topology.crossings import spread
+from pirrht.topology.pairs import spread
 
 ROOT = -1  # in place of the edge to a parent
 

@@ -69,7 +69,7 @@ class ReferenceQuery(NamedTuple):
     def extract(self, x: Array) -> list[Reference]:
         """References from x (n,), a state as vertices are, least [cost] first (ExtractReference); NoReference: none."""
         tree, homology = self.tree, self.tree.homology
-        steering, checker = tree.steering, tree.checker
+        steering = tree.steering
         known = self.before if self.shortened and steering.resumes else {}
         edges = tree.edges_from(x, steering.min_neighbours, self.threads)  # line 1
         rows = _rows(tree, edges)
@@ -91,12 +91,9 @@ class ReferenceQuery(NamedTuple):
         fresh = [i for i, (resumed, _) in enumerate(found) if self.shortened and not resumed]
         if known and steering.timed:
             fresh = [] if self.over_budget() else fresh[: TUNING.new_classes]
-        each = [(i, path) for i in fresh for path in found[i][1]]
-        short = mapped(lambda one: steering.shorten(one[1], checker), each, self.threads)
         paths = [options[0] for _, options in found]
-        for i in fresh:
-            own = [path for (j, _), path in zip(each, short, strict=True) if j == i]
-            paths[i] = min(own, key=lambda path: float(path.cost.sum()))
+        for i, path in self._shortest({i: found[i][1] for i in fresh}).items():
+            paths[i] = path
         references = [
             Reference(
                 winding=winding, signature=homology.signature(x, winding), trajectory=steering.trajectory(path),
@@ -105,6 +102,14 @@ class ReferenceQuery(NamedTuple):
             for winding, path in zip(classes, paths, strict=True)
         ]  # fmt: skip
         return sorted(references, key=lambda reference: reference.cost)
+
+    def _shortest(self, options: Mapping[int, list[Any]]) -> dict[int, Any]:
+        """Shorten paths, of which there are some for each number; return the cheapest of each."""
+        steering, checker = self.tree.steering, self.tree.checker
+        each = [(i, path) for i, some in options.items() for path in some]
+        short = mapped(lambda one: (one[0], steering.shorten(one[1], checker)), each, self.threads)
+        own = {i: [path for j, path in short if j == i] for i in options}
+        return {i: min(some, key=lambda path: float(path.cost.sum())) for i, some in own.items()}
 
     def _classes(self, x: Array, edges: Edges, rows: Any, known: Mapping[tuple[int, ...], Motions]) -> dict[Any, Any]:
         """The cheapest row of every allowed class by its winding, cheapest first.

@@ -25,7 +25,7 @@ from pirrht.jit.jit import (
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.tuning import TUNING
-from pirrht.topology.crossings import summed
+from pirrht.topology.pairs import summed
 
 
 class SearchRules(NamedTuple):

@@ -284,7 +284,9 @@ class HomologyTree:
         numbers = np.array(steering.numbers)
         straight = np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
-        propose = proposer(kernels.nearest, kernels.optimum, len(numbers), self.checker.kernels)
+        propose = proposer(
+            kernels.nearest, kernels.optimum, len(numbers), self.checker.kernels, self.homology.table.kernels
+        )
         return address_of(propose, given)
 
     @property

@@ -22,8 +22,7 @@ from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import turn_of
 from pirrht.rollouts.step import KernelSpec
-from pirrht.topology.crossings import key_of_segment
-from pirrht.topology.moving_crossings import key_of_path
+from pirrht.topology.signature import NO_CLASSES
 
 
 @cache
@@ -40,6 +39,11 @@ def optimiser(kind: KernelSpec) -> Any:
     among = kind.moving or NOTHING_MOVES
     watch, sweep_among = among.watch, among.sweep
     pose, sweep, (px, py) = pose_at(kind.reads), kind.space.sweep, kind.reads[:2]
+    signature = kind.classes or NO_CLASSES
+    key_of_step = signature.key
+    watch_class = signature.watch
+    begin_class = signature.begin
+    follow_class = signature.follow
 
     @kernel
     def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]
@@ -66,13 +70,16 @@ def optimiser(kind: KernelSpec) -> Any:
     @kernel
     def _judge(problem, states, length):  # type: ignore[no-untyped-def]
         """Check that a trajectory is of its class, and that it is and touches nothing; aims are held to unchecked."""
-        (setup, task, times, own, bows), key = problem, np.int64(0)
+        (setup, classes, task, times, own, bows), key = problem, np.int64(0)
         if task.hold > 0.0:
             return True, True
         for i in range(length):
-            key += key_of_segment(setup.cuts, states[i, px], states[i, py], states[i + 1, px], states[i + 1, py])
+            key += key_of_step(classes.table, pose(states[i]), pose(states[i + 1]))
         if moving:
-            key += key_of_path(setup.marks, setup.world.goal, states, length)
+            sides = watch_class(classes.rays)
+            key += begin_class(classes.rays, pose(states[0]), sides)
+            for i in range(length):
+                key += follow_class(classes.rays, i, 1.0, pose(states[i + 1]), sides)
         return key == own, key == own and _is_free(setup, states, length, times, bows)
 
     @kernel
@@ -90,7 +97,7 @@ def optimiser(kind: KernelSpec) -> Any:
 
         A trajectory is (steps, cost, priced, right, sound). From the first sound one on only sound ones are better.
         """
-        setup, task, times, _, _ = problem
+        setup, _, task, times, _, _ = problem
         steps, _, priced, right, sound = found
         step = 1.0
         for _ in range(TUNING.halvings):
@@ -103,7 +110,7 @@ def optimiser(kind: KernelSpec) -> Any:
         return False, found
 
     @kernel
-    def optimise(setup, task, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
+    def optimise(setup, classes, task, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
         """Improve a course in place; it never leaves its class, nor free space in its class, again.
 
         Its first `length` steps are followed, with its gains until the first of at most so many `rounds` of backward
@@ -125,7 +132,7 @@ def optimiser(kind: KernelSpec) -> Any:
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         copy_rows(tried, control)
         copy_rows(other, states)
-        problem = setup, task, times, key, flat
+        problem = setup, classes, task, times, key, flat
         right, sound = _judge(problem, states, steps)
         found = steps, cost, priced, right, sound
         for k in range(m, control.shape[1]):  # a reference's control does not rise within a step: that costs little,

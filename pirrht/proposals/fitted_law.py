@@ -14,7 +14,6 @@ sampled under what earlier plans have learned: its likelihood ratios are exact, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -82,7 +81,7 @@ def regress(paths, counts, steps, rows, metric, angles, timed, products, sums): 
                     sums[r, j, k] += counts[s, 1] * noise * z[j]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class LawFit:
     """Law around the guide of one class, as samples of earlier plans tell it."""
 
@@ -90,6 +89,7 @@ class LawFit:
     products: Array  # (L, n+1, n+1) sums of weight times (1, x - x_ref)(1, x - x_ref)', by row of the guide
     sums: Array  # (L, n+1, m) the same of (1, x - x_ref) times a' less the guide's law
     tuning: ProposalTuning = TUNING
+    learned: DDPGuide | None = None  # the guide with the law; None: samples have come since
 
     @classmethod
     def of(cls, guide: DDPGuide, tuning: ProposalTuning = TUNING) -> LawFit:
@@ -150,11 +150,17 @@ class LawFit:
         regress((states, asked), counts, steps, rows, self.guide.metric, headings, timed, products, sums)
         self.products[:] += products
         self.sums[:] += sums + products @ (law - self._rows(self.guide))
-        self.__dict__.pop("followed", None)  # of what was known before
+        self.learned = None
 
-    @cached_property
+    @property
     def followed(self) -> DDPGuide:
-        """The guide with the law that was learned."""
+        """The guide with the law that was learned: one and the same until there are more samples."""
+        if self.learned is None:
+            self.learned = self._solved()
+        return self.learned
+
+    def _solved(self) -> DDPGuide:
+        """Solve for the law."""
         guide, (L, p, m) = self.guide, self.sums.shape
         A = pooled(self.products, self.tuning.fit_rows)
         B = pooled(self.sums, self.tuning.fit_rows)

@@ -28,13 +28,15 @@ from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_columns
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import no_homing
+from pirrht.topology.signature import Classes
 from pirrht.traits import Traits
 
 
 class Query(NamedTuple):
     """A class, by its additive key, at one state (n,) and time."""
 
-    setup: Setup  # of paths from there
+    setup: Setup
+    classes: Classes  # of paths from there
     clock: Array  # (T+1,) ends of the steps, on the clock of moving obstacles [s]
     x: Array
     times: Array  # (T+1,) ends of the steps, from 0 [s]
@@ -51,8 +53,8 @@ class DDPGuidance:
             raise OptionError(
                 "a point without drift among static obstacles takes StraightLine.of(problem) as its steering"
             )
-        d, setup = problem.dynamics, world.setup
-        kind = kind_of(problem, setup.world.static.kernels, setup.world.moving.kernels)
+        d, (setup, homology) = problem.dynamics, world.snapshot
+        kind = kind_of(problem, setup.world.static.kernels, setup.world.moving.kernels, homology.table.kernels)
 
         self.problem = problem
         self.world = world
@@ -71,8 +73,8 @@ class DDPGuidance:
             tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), tuning.window
         self.onward = tuning.onward if kind.homing is no_homing else 0
         self.starts = Initialisation(
-            dynamics=d, setup=setup, width=self.width, optimise=self.optimise, tracking=tracking, window=window,
-            tuning=tuning,
+            dynamics=d, setup=setup, classes=homology.static.classes(np.zeros(d.n), np.zeros(1)), width=self.width,
+            optimise=self.optimise, tracking=tracking, window=window, tuning=tuning,
         )  # fmt: skip
 
     @property
@@ -193,11 +195,10 @@ class DDPGuidance:
 
     def query(self, x: Array, times: Array, key: int, time: float = 0.0) -> Query:
         """Prepare for guides of a class from x (n,) at a time [s]."""
-        setup, clock = self.world.setup, times
+        (setup, homology), clock = self.world.snapshot, times
         if setup.world.moving.J > 0:
             clock = np.ascontiguousarray(times + time)
-            setup = setup._replace(marks=self.world.homology.rays(x, clock))
-        return Query(setup, clock, x, times, key)
+        return Query(setup, homology.classes(x, clock), clock, x, times, key)
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
         """Return the samples around each reference, (H,): N, or few for one of negligible weight or without a guide."""
@@ -219,7 +220,7 @@ class DDPGuidance:
         course, length = start
         d = self.problem.dynamics
         times = query.times
-        setup, clock, *_ = query
+        setup, classes, clock, *_ = query
 
         course.states[0] = query.x
         cost = np.inf
@@ -231,7 +232,9 @@ class DDPGuidance:
             if length > 0:
                 most = 0 if short() else rounds
                 task = self.tasks[warmth]
-                length, cost, penalised, sound = self.optimise(setup, task, clock, query.key, most, course, length)
+                length, cost, penalised, sound = self.optimise(
+                    setup, classes, task, clock, query.key, most, course, length
+                )
         if sound and query.setup.world.moving.J == 0:
             course, (length, cost, penalised, sound) = self._paced(
                 query, course, (length, cost, penalised, sound), paces, short
@@ -272,7 +275,7 @@ class DDPGuidance:
             while found[0] > 0 and not short():
                 other, length = self.starts.retimed(course, found[0], query.times, query.times, pace=pace)
                 other.states[0] = query.x
-                better = self.optimise(query.setup, task, query.clock, query.key, rounds, other, length)
+                better = self.optimise(query.setup, query.classes, task, query.clock, query.key, rounds, other, length)
                 if not better[3] or not better[2] < found[2] - task.tolerance:
                     break
                 course, found = other, better

@@ -17,6 +17,7 @@ from pirrht.proposals.tuning import ProposalTuning
 from pirrht.rollouts.tables import FINER, LawRows, ProposalTables, Setup
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import Dynamics
+from pirrht.topology.signature import Classes
 
 
 class Task(NamedTuple):
@@ -50,6 +51,14 @@ class Course(NamedTuple):
 
 
 COURSE: Any = Course
+
+
+class Nominal(NamedTuple):
+    """States, controls and feedback of a `Course` alone."""
+
+    states: Array  # (T+1, n)
+    control: Array  # (T, modes) a [1/sqrt(s)]
+    gains: Array  # (T, modes, n) K
 
 
 def empty_course(T: int, n: int, modes: int) -> Course:
@@ -192,6 +201,7 @@ class Initialisation:
 
     dynamics: Dynamics
     setup: Setup
+    classes: Classes  # of guides, which are not asked for theirs here
     width: int  # modes of a step
     optimise: Any  # kernel (`ddp`)
     tracking: Task  # under which aims are held to
@@ -241,20 +251,25 @@ class Initialisation:
             length = min(whole, length + ahead)
             first = 0 if self.window is None else max(0, length - self.window)
             part, passes = Course(*(array[first:] for array in course)), self.tuning.ahead_passes
-            self.optimise(self.setup, self.tracking, times[first:], 0, passes, part, length - first)
+            self.optimise(self.setup, self.classes, self.tracking, times[first:], 0, passes, part, length - first)
         return course, length
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
-        course = Course(
-            last.states, last.modes, last.gains, last.share, last.inverse, last.volume, last.modes, last.states
-        )
-        return self.retimed(course, last.length, last.times, times, elapsed=elapsed)
+        nominal = Nominal(last.states, last.modes, last.gains)
+        return self.retimed(nominal, last.length, last.times, times, elapsed=elapsed)
 
     def retimed(
-        self, last: Course, length: int, before: Array, times: Array, *, pace: float = 1.0, elapsed: float = 0.0
+        self,
+        last: Nominal | Course,
+        length: int,
+        before: Array,
+        times: Array,
+        *,
+        pace: float = 1.0,
+        elapsed: float = 0.0,
     ) -> tuple[Course, int]:
-        """Start from a course of some steps on a grid `before` (T+1,) [s], on another grid (T+1,) [s].
+        """Start from a nominal path of some steps on a grid `before` (T+1,) [s], on another grid (T+1,) [s].
 
         It begins after some time [s], and is followed by its feedback `pace` times as fast.
         """

@@ -17,17 +17,17 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.space import SpaceKernels
-from pirrht.geometry.world import MovingKernels, World
+from pirrht.geometry.world import MovingKernels
 from pirrht.jit.jit import as_jitable, kernel, over_ranges
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.law import straight_home
 from pirrht.rollouts.path import Kept, any_path
-from pirrht.rollouts.point_block import replay, sample
+from pirrht.rollouts.point_block import blocks_for
 from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_homing
-from pirrht.topology.moving_crossings import NO_RAYS
+from pirrht.topology.signature import SignatureKernels
 from pirrht.traits import Traits
 
 KEPT: Any = Kept
@@ -84,15 +84,19 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
 
 
 class Cpu(NamedTuple):
-    """Backend of compiled kernels: `Cpu.of(problem, world)`."""
+    """Backend of compiled kernels: `Cpu.of(problem, setup, homology.table.kernels)`."""
 
     kernels: Kernels
     threads: int
 
     @classmethod
-    def of(cls, problem: Problem, world: World, threads: int | None = None, *, fitted: bool = True) -> Cpu:
-        """Choose the kernels of a problem, by default one thread per core of this process, for `Sampling.fitted`."""
-        kernels = kernels_for(problem, world.static.kernels, world.moving.kernels, fitted=fitted)
+    def of(
+        cls, problem: Problem, setup: Setup, classes: SignatureKernels, threads: int | None = None, *,
+        fitted: bool = True,
+    ) -> Cpu:  # fmt: skip
+        """Choose the kernels of a problem and its classes, by default one thread per core, for `Sampling.fitted`."""
+        world = setup.world
+        kernels = kernels_for(problem, world.static.kernels, world.moving.kernels, classes, fitted=fitted)
         return cls(kernels, threads or len(os.sched_getaffinity(0)))
 
     def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
@@ -150,18 +154,23 @@ class Cpu(NamedTuple):
 
 
 def kernels_for(
-    problem: Problem, space: SpaceKernels, moving: MovingKernels | None = None, *, fitted: bool = True
+    problem: Problem, space: SpaceKernels, moving: MovingKernels | None = None,
+    classes: SignatureKernels | None = None, *, fitted: bool = True,
 ) -> Kernels:  # fmt: skip
     """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate (`kind_of`)."""
     if space.isotropic and Traits.of(problem).in_blocks(moving is not None):
-        return Kernels(sample, replay, TUNING.alone_points)
-    return loops(*any_path(kind_of(problem, space, moving, fitted=fitted)), problem.dynamics.m)
+        return blocks_for(classes)
+    return loops(*any_path(kind_of(problem, space, moving, classes, fitted=fitted)), problem.dynamics.m)
 
 
 def kind_of(
-    problem: Problem, space: SpaceKernels, moving: MovingKernels | None = None, *, fitted: bool = True
+    problem: Problem, space: SpaceKernels, moving: MovingKernels | None = None,
+    classes: SignatureKernels | None = None, *, fitted: bool = True,
 ) -> KernelSpec:  # fmt: skip
-    """Describe a problem, kernels of its footprint and moving obstacles, and `Sampling.fitted`."""
+    """Describe a problem for which kernels are compiled, for `Sampling.fitted` or not.
+
+    `space` are kernels of its footprint, `moving` of its moving obstacles, `classes` of the signature of its paths.
+    """
     d = problem.dynamics
     traits = Traits.of(problem)
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
@@ -175,7 +184,7 @@ def kind_of(
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, traits=traits, space=space,
         reads=d.reads(space.turns),
         angles=sum(1 << i for i in d.angles), homing=as_jitable(homing), stratonovich=d.stratonovich, moving=moving,
-        curved_step=traits.drifts and not traits.noisy_position and fitted,
+        curved_step=traits.drifts and not traits.noisy_position and fitted, classes=classes,
     )  # fmt: skip
 
 
@@ -200,10 +209,10 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     traits = Traits.of(problem)
     known = traits.constant_gain
     return Setup(
-        world=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
+        world=space.world, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if known else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if known else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if traits.constant_blocks else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        least_rate=problem.least_rate / problem.temperature, marks=NO_RAYS,
+        least_rate=problem.least_rate / problem.temperature,
     )  # fmt: skip

@@ -36,8 +36,7 @@ from pirrht.rollouts.law import aims
 from pirrht.rollouts.tables import NUMBERS, law_columns
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift
-from pirrht.topology.crossings import key_of_step
-from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
+from pirrht.topology.signature import NO_CLASSES, SignatureKernels
 
 from pirrht.rollouts.step import (  # isort: skip
     NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, pose_noise, shapes_for, walls_for,
@@ -183,8 +182,7 @@ class Scratch(NamedTuple):
     fresh: Array  # independent normals of the next steps
     watch: Any  # notes on moving obstacles (`MovingKernels.watch`)
     walls: Array  # (J, WALL) of moving obstacles that are near
-    side: Array  # (marks,) side of the ray of each moving marker on which the path is
-    spot: Array  # (SPOT,) where that was evaluated
+    sides: Any  # notes on the class of the path among moving obstacles (`SignatureKernels.watch`)
     tube: NDArray[np.float32]  # (NUMBERS,) of a tube at the state
 
 
@@ -201,6 +199,7 @@ def scratch_for(kind: KernelSpec) -> Any:
     fresh = kind.abreast * (kind.modes + kind.modes % 2)
 
     watch = (kind.moving or NOTHING_MOVES).watch
+    sides = followed(kind).watch
 
     @kernel
     def scratch_of(setup, tables):  # type: ignore[no-untyped-def]
@@ -209,11 +208,16 @@ def scratch_for(kind: KernelSpec) -> Any:
             np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)), np.empty((m, m)),
             np.empty((rows, m)), np.zeros((H, modes)), np.empty((1, m)), np.empty(H, np.int64), np.empty(H, np.bool_),
             np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes), np.zeros(modes), np.zeros(n), np.zeros(fresh),
-            watch(setup.world.moving), np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]),
-            np.empty(SPOT), np.empty(NUMBERS, np.float32),
+            watch(setup.world.moving), np.empty((setup.world.moving.J, WALL)), sides(tables.marks),
+            np.empty(NUMBERS, np.float32),
         )  # fmt: skip
 
     return scratch_of
+
+
+def followed(kind: KernelSpec) -> SignatureKernels:
+    """Return the kernels by which paths are followed among moving obstacles; nothing is noted if there are none."""
+    return NO_CLASSES if kind.moving is None or kind.classes is None else kind.classes
 
 
 @cache
@@ -247,6 +251,9 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     add_log_ratios = log_ratios(kind)
 
     relax, record = recorder(kind)
+    key_of_step = (kind.classes or NO_CLASSES).key
+    begin_class = followed(kind).begin
+    follow_class = followed(kind).follow
 
     @part
     def begin(setup, tables, origin, scratch):  # type: ignore[no-untyped-def]
@@ -261,8 +268,6 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         copy_row(origin.x, scratch.moved)
         if moving:
             begin_watch(scratch.watch)
-            here = pose(x)
-            open_sides(tables.marks, setup.world.goal, here[0], here[1], scratch.side, scratch.spot)
 
     @part
     def evaluate(setup, tables, scratch, known, before, left, now):  # type: ignore[no-untyped-def]
@@ -281,14 +286,6 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         if noisy_position and tables.wall_offset > 0.0:
             walls = push_of(tables, scratch, setup.world, scaled(rates, dt), close)
         return rates, dt, walls, close
-
-    @part
-    def turned(setup, tables, scratch, i, share):  # type: ignore[no-untyped-def]
-        """Return the additive key of moving obstacles that are passed by a share of step i of the grid."""
-        if not moving:
-            return np.int64(0)
-        goal, there = setup.world.goal, pose(scratch.moved)
-        return key_among(tables.marks, goal, i, min(share, 1.0), there[0], there[1], scratch.side, scratch.spot)
 
     @part
     def expose(scratch, static, stretch, before, rates, close):  # type: ignore[no-untyped-def]
@@ -323,7 +320,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         keep_state(keep, 0, x)
         first, sign = antithetic(sample, tables.first[h], tables.mirrored)
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
-        key = np.int64(tables.marks.opening if moving else 0)
+        key = begin_class(tables.marks, pose(x), scratch.sides)
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
         stretch = 0.0, -1.0, 0.0  # exposure to walls, and what `expose` judges it by
         known = (covariance(scratch.B), False, no_walls)
@@ -346,14 +343,14 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 state = draw(tables, scratch, state, sign, h, i, dt, shaped)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
-                here = pose(x)
                 there = pose(moved)
-                key += key_of_step(setup.cuts, here[0], here[1], there[0], there[1])
+                key += key_of_step(tables.classes, pose(x), there)
                 state, exit, share, until, missed, clear = judge(
                     setup, tables, scratch, (dt, now), motion_of, clear, state
                 )
                 known = motion_of[3], curved_step and not motion_of[0], walls
-                key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
+                since = (done + (until if until > 0.0 else dt * share)) / whole
+                key += follow_class(tables.marks, i, min(since, 1.0), there, scratch.sides)
                 add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until, shaped)
                 owed = record(keep, scratch, tables, h, where, until, exit == INSIDE)
                 log_survival += missed

@@ -5,6 +5,7 @@ Exits and close walls, which are rare, are done lane by lane; paths that have en
 """
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,12 @@ from pirrht.rollouts.first_exit import at_crossing
 from pirrht.rollouts.point_stages import (  # isort: skip
     BEGAN, C0, C1, DT, E0, EXPOSURE, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PUSH0, PUSH1, ROOT,
     SAMPLE, SIGN, SLOW, SPENT, STEP, SUM0, SUM1, TUBE, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, bridge,
-    cross, draw, expose, fit_steps, judge, lane, move, relax, row_of, scratch_of, single, single_matrix, survey,
+    draw, expose, fit_steps, judge, lane, move, relax, row_of, scratch_of, single, single_matrix, survey,
     tape_control, tube_control, wall_push,
 )  # fmt: skip
-from pirrht.rollouts.tables import Origin, empty_paths, tube_of
+from pirrht.rollouts.tables import Kernels, Origin, empty_paths, tube_of
 from pirrht.rollouts.tuning import TUNING
+from pirrht.topology.signature import NO_CLASSES, SignatureKernels
 
 
 @kernel
@@ -228,78 +230,84 @@ def lead(setup, h, paths, f, a, rows):  # type: ignore[no-untyped-def]
             paths.start_control[s, j] = inverse[j, 0] * a0 + inverse[j, 1] * a1
 
 
-@kernel
-def block(setup, around, tables, origin, h, rows, number, paths, into, scratch):  # type: ignore[no-untyped-def]
-    """Simulate samples of some numbers, at most LANES, around reference h to rows of `paths` and any of `into`."""
-    f, a, ratio, short, long, random, bits = scratch
+@cache
+def blocks_for(classes: SignatureKernels | None) -> Kernels:
+    """Build the rollouts of points, by kernels of the signature of paths; None: their keys are 0."""
+    add_keys = (classes or NO_CLASSES).keys
 
-    H, T, _ = tables.drift.shape
-    n = number.shape[0]
-    B = single_matrix(setup.diffusion)
+    @kernel
+    def block(setup, around, tables, origin, h, rows, number, paths, into, scratch):  # type: ignore[no-untyped-def]
+        """Simulate samples of some numbers, at most LANES, around reference h to rows of `paths` and any of `into`."""
+        f, a, ratio, short, long, random, bits = scratch
 
-    follows, wide = tables.wall_offset > 0.0, setup.diffusion
-    variance = wide[0, 0] * wide[0, 0] + wide[0, 1] * wide[0, 1]
-    rim = TUNING.rim * setup.world.radius
-    begin(tables, origin, h, rows[0], number, scratch)
-    survey(around, f, short, LANES)
-    for k in range(C1 - C0):  # a copy between slices would compile for two seconds
-        f[C0 + k] = f[C1 + k]
-    for k in range(LANES):
-        f[BEGAN + k] = min(f[C1 + k], f[E1 + k])
-    begun = False
-    while n > 0:
-        full = min((n + WIDE - 1) // WIDE * WIDE, LANES)  # in bounds the compiler sees
-        fit_steps(tables.times, tables.least, 1.0 / (9.0 * variance), rim, f, short, full)
-        write_controls(setup, tables, around, B, h, scratch, full)
-        if not begun:
-            lead(setup, h, paths, f, a, rows)
-            begun = True
-        relax(h, f, a, full)
-        draw(random, bits, f, full)
-        move(h, B, f, a, full)
-        cross(setup.cuts, f, long, full)
-        survey(around, f, short, full)
-        if (bridge(variance, tables.weighed, f, short, full) if setup.bridge else judge(around, f, short, full)) > 0:
-            n = end_flagged(setup, tables, h, n, into, scratch, paths)
-        for k in range(n if into.shape[0] > 0 else 0):
-            record(into, k, scratch)
-        add_log_ratios(h, H, f, a, ratio, full)
-        if advance(h, tables.window, follows, f, short, a, full) >= T:
-            n = end_late(setup, tables, h, n, scratch, paths)
-        expose(variance, f, short, full)
+        H, T, _ = tables.drift.shape
+        n = number.shape[0]
+        B = single_matrix(setup.diffusion)
 
+        follows, wide = tables.wall_offset > 0.0, setup.diffusion
+        variance = wide[0, 0] * wide[0, 0] + wide[0, 1] * wide[0, 1]
+        rim = TUNING.rim * setup.world.radius
+        begin(tables, origin, h, rows[0], number, scratch)
+        survey(around, f, short, LANES)
+        for k in range(C1 - C0):  # a copy between slices would compile for two seconds
+            f[C0 + k] = f[C1 + k]
+        for k in range(LANES):
+            f[BEGAN + k] = min(f[C1 + k], f[E1 + k])
+        begun = False
+        while n > 0:
+            full = min((n + WIDE - 1) // WIDE * WIDE, LANES)  # in bounds the compiler sees
+            fit_steps(tables.times, tables.least, 1.0 / (9.0 * variance), rim, f, short, full)
+            write_controls(setup, tables, around, B, h, scratch, full)
+            if not begun:
+                lead(setup, h, paths, f, a, rows)
+                begun = True
+            relax(h, f, a, full)
+            draw(random, bits, f, full)
+            move(h, B, f, a, full)
+            add_keys(tables.classes, f, (X, Y, NX, NY), full, long, KEY)
+            survey(around, f, short, full)
+            if (
+                bridge(variance, tables.weighed, f, short, full) if setup.bridge else judge(around, f, short, full)
+            ) > 0:
+                n = end_flagged(setup, tables, h, n, into, scratch, paths)
+            for k in range(n if into.shape[0] > 0 else 0):
+                record(into, k, scratch)
+            add_log_ratios(h, H, f, a, ratio, full)
+            if advance(h, tables.window, follows, f, short, a, full) >= T:
+                n = end_late(setup, tables, h, n, scratch, paths)
+            expose(variance, f, short, full)
 
-@kernel
-def blocks(setup, around, tables, origin, number, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
-    """Simulate samples of the numbers from `start` to `stop`, which ascend, block by block."""
-    h, s = 0, start
-    while s < stop:
-        while number[s] >= tables.first[h + 1]:
-            h += 1
-        end = s
-        while end < min(stop, s + LANES) and number[end] < tables.first[h + 1]:
-            end += 1
-        block(setup, around, tables, origin, h, (s, end), number[s:end], paths, into, scratch)
-        s = end
+    @kernel
+    def blocks(setup, around, tables, origin, number, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
+        """Simulate samples of the numbers from `start` to `stop`, which ascend, block by block."""
+        h, s = 0, start
+        while s < stop:
+            while number[s] >= tables.first[h + 1]:
+                h += 1
+            end = s
+            while end < min(stop, s + LANES) and number[end] < tables.first[h + 1]:
+                end += 1
+            block(setup, around, tables, origin, h, (s, end), number[s:end], paths, into, scratch)
+            s = end
 
+    def sample(setup: Any, tables: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
+        """Fill `paths` for a range of samples."""
+        nowhere = np.empty((0, 0, 4), np.float32)
+        scratch = scratch_of(len(tables.control))
+        blocks(setup, single(setup.world), tables, origin, np.arange(stop), start, stop, paths, nowhere, scratch)
 
-def sample(setup: Any, tables: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
-    """Fill `paths` for a range of samples."""
-    nowhere = np.empty((0, 0, 4), np.float32)
-    scratch = scratch_of(len(tables.control))
-    blocks(setup, single(setup.world), tables, origin, np.arange(stop), start, stop, paths, nowhere, scratch)
+    def replay(
+        setup: Any, tables: Any, origin: Origin, number: IntArray, states: Array, applied: Array, steps: IntArray
+    ) -> None:
+        """Write states (c, T+1, 2), controls carried (c, T, 2) and steps (c,) of samples of some numbers (c,)."""
+        H, T, m = tables.control.shape
+        c = len(number)
+        order = np.argsort(number, kind="stable")
 
+        into = np.zeros((c, T, 4), np.float32)
+        paths = empty_paths(c, H, m)
+        blocks(setup, single(setup.world), tables, origin, number[order], 0, c, paths, into, scratch_of(H))
+        states[:, 0], states[order, 1:], steps[order] = origin.x, into[:, :, :2], paths.steps
+        applied[order] = into[:, :, 2:] @ setup.inverse.T / np.diff(tables.times)[:, None]
 
-def replay(
-    setup: Any, tables: Any, origin: Origin, number: IntArray, states: Array, applied: Array, steps: IntArray
-) -> None:
-    """Write states (c, T+1, 2), controls carried (c, T, 2) and steps (c,) of samples of some numbers (c,)."""
-    H, T, m = tables.control.shape
-    c = len(number)
-    order = np.argsort(number, kind="stable")
-
-    into = np.zeros((c, T, 4), np.float32)
-    paths = empty_paths(c, H, m)
-    blocks(setup, single(setup.world), tables, origin, number[order], 0, c, paths, into, scratch_of(H))
-    states[:, 0], states[order, 1:], steps[order] = origin.x, into[:, :, :2], paths.steps
-    applied[order] = into[:, :, 2:] @ setup.inverse.T / np.diff(tables.times)[:, None]
+    return Kernels(sample, replay, TUNING.alone_points)

@@ -13,13 +13,12 @@ import numpy as np
 from pirrht.geometry.field import bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
 from pirrht.geometry.space import COLLISION, GOAL, INSIDE
 from pirrht.geometry.world import World
-from pirrht.jit.jit import inlined, load_float32, load_float64, load_int64
+from pirrht.jit.jit import inlined, load_float32, load_float64
 from pirrht.jit.streams import FAR, GOLDEN, HALF, ONE, TWO, ZERO, exponential, exposure, halves, logarithm, normals_of
 from pirrht.outcome import Outcome
 from pirrht.rollouts.first_exit import fitting, wall_slope
 from pirrht.rollouts.tables import NUMBERS, slope_of, tube_at
 from pirrht.rollouts.tuning import TUNING
-from pirrht.topology.crossings import FEW_MARKERS, key_of_step, turn_at_cut
 
 SLOW = len(Outcome)  # flag of lanes whose step is to be judged by `bridge_exit`
 FAR_PER = np.float32(FAR)
@@ -226,25 +225,6 @@ def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
         f[Z0 + k], f[Z1 + k] = y0, y1
         f[NX + k] = f[X + k] + b00 * y0 + b01 * y1
         f[NY + k] = f[Y + k] + b10 * y0 + b11 * y1
-
-
-@inlined
-def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
-    """Add the turns of the cuts that are crossed to the keys."""
-    if FEW_MARKERS < cuts.M:
-        for k in range(n):
-            long[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
-        return
-    gx = np.float32(cuts.goal_x)
-    gy = np.float32(cuts.goal_y)
-
-    for c in range(cuts.M):
-        mx = np.float32(load_float64(cuts.x, c))
-        my = np.float32(load_float64(cuts.y, c))
-        weight = load_int64(cuts.weight, c)
-        for k in range(n):
-            turn = turn_at_cut(mx, my, gx, gy, f[X + k], f[Y + k], f[NX + k], f[NY + k])
-            long[KEY + k] += turn * weight
 
 
 @inlined

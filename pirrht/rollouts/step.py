@@ -20,6 +20,7 @@ from pirrht.rollouts.first_exit import fitting, slope_for, turn_of
 from pirrht.rollouts.tables import law_columns
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift, no_homing
+from pirrht.topology.signature import SignatureKernels
 from pirrht.traits import Traits
 
 NO_WALLS = {2: (ONE, (ZERO, ZERO), ONE, (ZERO, ZERO)), 3: (ONE, (ZERO, ZERO, ZERO), ONE, (ZERO, ZERO, ZERO))}
@@ -43,6 +44,7 @@ class KernelSpec(NamedTuple):
     stratonovich: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
     moving: MovingKernels | None = None  # kernels of moving obstacles; None: they are compiled away
     curved_step: bool = False  # whether paths bend within a step by its noise, of which the mean over it is drawn too
+    classes: SignatureKernels | None = None  # kernels of the signature of paths; None: their keys are 0
 
     @property
     def noisy_position(self) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,7 @@ from pirrht.rollouts.tuning import TUNING
 
 if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
     from pirrht.geometry.world import World
-    from pirrht.topology.crossings import Cuts
-    from pirrht.topology.homology import Homology
-    from pirrht.topology.moving_crossings import RayTable
+    from pirrht.topology.signature import Signature, Table
 
 FINER = TUNING.law_rows
 
@@ -45,7 +43,6 @@ class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
     world: World  # what is free at (x, t); moving obstacles are predicted on the clock of plans
-    cuts: Cuts
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
     inverse: Array  # (m, m) G_c^-1 B_c, if constant; in input form s
@@ -53,14 +50,13 @@ class Setup(NamedTuple):
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
     least_rate: float  # least q / lambda [1/s]
-    marks: RayTable  # of the steps of a guide among moving obstacles
 
 
 @dataclass(slots=True)
 class PredictedWorld:
     """Holder of the snapshot that sampler, proposals and guides share; one assignment replaces it for all of them."""
 
-    snapshot: tuple[Setup, Homology]
+    snapshot: tuple[Setup, Signature]
 
     @property
     def setup(self) -> Setup:
@@ -68,7 +64,7 @@ class PredictedWorld:
         return self.snapshot[0]
 
     @property
-    def homology(self) -> Homology:
+    def homology(self) -> Signature:
         """Classes of paths, in space and time where obstacles move."""
         return self.snapshot[1]
 
@@ -119,7 +115,8 @@ class ProposalTables(NamedTuple):
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T FINER, width): `LawRows`
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
-    marks: RayTable  # moving markers by which classes of paths differ
+    classes: Table  # of the signature of paths
+    marks: Any  # `Signature.rays` of the steps, by which classes differ among moving obstacles
     law_weight: float = 1.0  # share of a law that tells how the control changes near the start, where walls push too
 
 

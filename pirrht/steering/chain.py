@@ -21,7 +21,7 @@ from pirrht.jit.vectors import copy_row
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import MotionKernels, Motions, copied
 from pirrht.steering.tuning import CHAIN, RESUME, ChainTuning, ResumeTuning
-from pirrht.topology.crossings import Turns, key_of_pairs
+from pirrht.topology.pairs import Turns, key_of_pairs
 
 Number = Callable[..., float]
 Connect = Callable[[Array, Array], Any]  # optimal motions from tails (k, n) to heads (k, n), as `Steering.connect`

@@ -29,12 +29,12 @@ from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import BLOCKED, FREE, LEAST_STEP, UNSURE, SpaceKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
-from pirrht.steering.motion import MotionKernels, MotionKind, Trajectory
+from pirrht.steering.motion import MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tuning import TUNING
-from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
+from pirrht.systems.double_integrator import best_duration
 from pirrht.systems.dynamics import check_positive
-from pirrht.topology.crossings import crossed
+from pirrht.topology.signature import SignatureKernels
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
@@ -165,7 +165,8 @@ _most = inlined(lambda motions: 3)  # a cubic path crosses a straight cut no mor
 
 
 @cache
-def _kernels(space: SpaceKernels) -> MotionKernels:
+def _certify_for(space: SpaceKernels) -> Any:
+    """Build the kernel that certifies motions, by kernels of a footprint."""
     clearance, certify_place = space.place, space.certify_place
 
     @kernel
@@ -190,6 +191,14 @@ def _kernels(space: SpaceKernels) -> MotionKernels:
                 return verdict
             s = min(s + stride(c, s, most, free), duration)
 
+    return certify
+
+
+@cache
+def _pairs_of(space: SpaceKernels, classes: SignatureKernels) -> Any:
+    """Build the kernel that counts the turns of motions, by kernels of a footprint and of a signature."""
+    clearance, crossings = space.place, classes.crossings
+
     @kernel
     def pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
         """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
@@ -204,11 +213,17 @@ def _kernels(space: SpaceKernels) -> MotionKernels:
             if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
                 bx = motions.heads[i, 0]
                 by = motions.heads[i, 1]
-            count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
+            count = crossings(around.classes, (ax, ay, 0.0), (bx, by, 0.0), False, marker, turn, count)
             ax, ay = bx, by
         return count
 
-    return MotionKernels(_entry, _cut, certify, pairs, _most, _between)
+    return pairs
+
+
+def _kernels(around: Surroundings) -> MotionKernels:
+    space = around.static.kernels
+    pairs = _pairs_of(space, around.classes.kernels)
+    return MotionKernels(_entry, _cut, _certify_for(space), pairs, _most, _between)
 
 
 CUBICS = MotionKind(_kernels, _free, _trajectory)
@@ -294,9 +309,9 @@ class MassSteering(CompiledSteering):
 
     @classmethod
     def of(cls, problem: Problem) -> MassSteering:
-        """Take the optimum of a `DoubleIntegrator`'s problem, q constant, R a multiple of I; else OptionError."""
+        """Take the optimum of a mass that controls accelerate, q constant, R a multiple of I; else OptionError."""
         d = problem.dynamics
-        if not isinstance(d, DoubleIntegrator):
+        if d.control_kind != "acceleration":
             raise OptionError(f"cubic motions steer a DoubleIntegrator, not {type(d).__name__}; bring a Steering")
         R = problem.control_cost(np.zeros(4))
         if not np.allclose(R, R[0, 0] * np.eye(2)):

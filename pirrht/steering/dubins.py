@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from pirrht.problem import Problem
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
-from pirrht.systems.unicycle import Unicycle
 
 EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
 
@@ -176,9 +176,9 @@ class Dubins(CompiledSteering):
 
     @classmethod
     def of(cls, problem: Problem) -> Dubins:
-        """Take the Dubins curves of a `Unicycle` (the paper's second example); OptionError for another dynamics."""
-        car = problem.dynamics
-        if not isinstance(car, Unicycle):
+        """Take the curves of a car at constant speed (the paper's second example); OptionError for another dynamics."""
+        car: Any = problem.dynamics
+        if car.control_kind != "turn rate":
             raise OptionError(f"Dubins curves steer a Unicycle, not {type(car).__name__}; bring a Steering")
         return cls(V=car.V, rho=car.rho)
 

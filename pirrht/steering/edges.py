@@ -15,7 +15,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.space import BLOCKED, FREE, UNSURE
 from pirrht.jit.jit import kernel
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, copied
-from pirrht.topology.crossings import Turns, summed
+from pirrht.topology.pairs import Turns, summed
 
 
 class Edges(NamedTuple):
@@ -56,8 +56,8 @@ class EdgeChecker:
 
     @property
     def kernels(self) -> MotionKernels:
-        """Return the kernels of its kind of motions, for the robot's footprint."""
-        return self.motion.kernels(self.space.static.kernels)
+        """Kernels of its kind of motions, for the robot's footprint and the classes of paths."""
+        return self.motion.kernels(self.around)
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).

@@ -7,7 +7,7 @@ that cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,14 +20,13 @@ from pirrht.jit.jit import inlined
 from pirrht.problem import Problem
 from pirrht.steering import relaxation
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.legs import connect, cost_and_duration, legs_among
-from pirrht.steering.motion import Legs, MotionKind
+from pirrht.steering.legs import LEGS, connect, cost_and_duration
+from pirrht.steering.motion import Legs
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.straight_line import Tracked
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.topology.homology import Homology
+from pirrht.topology.signature import Signature
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +45,7 @@ class InTime(CompiledSteering):
     n = 3
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
     timed = True
-    motion = legs_among(None)
+    motion = LEGS
     cost = inlined(lambda tail, head, numbers, limit: cost_and_duration(tail, head, numbers)[0])
     optimum = connect
 
@@ -63,7 +62,7 @@ class InTime(CompiledSteering):
         """
         d = problem.dynamics
         R = problem.control_cost(np.zeros(d.n))
-        if isinstance(d, SingleIntegrator) and np.allclose(R, R[0, 0] * np.eye(len(R))):
+        if d.control_kind == "velocity" and np.allclose(R, R[0, 0] * np.eye(len(R))):
             return cls(q=problem.least_rate, r=float(R[0, 0]), speed=speed)
         lines = Tracked.of(problem, pace)
         q = 0.5 * lines.cost_per_meter * lines.pace
@@ -90,10 +89,6 @@ class InTime(CompiledSteering):
         """Return q, r, the limit of speeds and the best speed."""
         return self.q, self.r, self.limit, self.pace
 
-    def motion_in(self, space: FreeSpace) -> MotionKind:
-        """Return its legs among the moving obstacles of a space."""
-        return legs_among(space.moving.kernels)
-
     def shorten(self, path: Legs, checker: EdgeChecker) -> Legs:
         """Shorten a path into the goal's disc inside its class, at no more cost, by relaxation of its knots."""
         return relaxation.taut_in_time(path, self.connect, self.numbers, checker)
@@ -102,9 +97,9 @@ class InTime(CompiledSteering):
         """Shorten the rest of a path from x (3,) [m, m, s] near it, in any class; None if none is left or free."""
         return relaxation.resumed(x, path, self.connect, self.numbers, checker)
 
-    def homology(self, space: FreeSpace) -> Homology:
+    def homology(self, space: FreeSpace) -> Signature:
         """Classes among static and moving obstacles; bases go at the best speed."""
-        return replace(space.homology, speed=self.pace)
+        return space.homology.with_speed(self.pace)
 
     def at(self, x: Array, time: float) -> Array:
         """Place and time (3,) [m, m, s] of a system's state x (n,) at a time [s]."""
@@ -195,7 +190,7 @@ def _origin(scene: Scene, origin: Array | None) -> Array:
     return np.array([*scene.start[:2], 0.0]) if origin is None else origin
 
 
-def homology_of(problem: Problem, space: FreeSpace) -> Homology:
+def homology_of(problem: Problem, space: FreeSpace) -> Signature:
     """Choose the classes of a problem's paths: in space and time, with bases at the best speed, if obstacles move."""
     if not problem.scene.movers:
         return space.homology

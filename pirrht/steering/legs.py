@@ -13,8 +13,8 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
-from pirrht.steering.motion import Legs, MotionKernels, MotionKind, Trajectory
-from pirrht.topology.moving_crossings import crossings_of_leg
+from pirrht.steering.motion import Legs, MotionKernels, MotionKind, Surroundings, Trajectory
+from pirrht.topology.signature import SignatureKernels
 
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
 
@@ -65,10 +65,17 @@ def _cut(motions, i, share):  # type: ignore[no-untyped-def]
     motions.cost[i] *= share
 
 
-@kernel
-def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    ax, ay, s, bx, by, t = _ends(motions, i)
-    return crossings_of_leg(around, (ax, ay, s), (bx, by, t), to_goal, marker, turn, count)
+@cache
+def _pairs_of(classes: SignatureKernels) -> Any:
+    """Build the kernel that counts the turns of legs, by kernels of a signature."""
+    crossings = classes.crossings
+
+    @kernel
+    def pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+        ax, ay, s, bx, by, t = _ends(motions, i)
+        return crossings(around.classes, (ax, ay, s), (bx, by, t), to_goal, marker, turn, count)
+
+    return pairs
 
 
 def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
@@ -99,20 +106,23 @@ _most = inlined(lambda motions: 1)
 
 
 @cache
-def legs_among(moving: MovingKernels | None) -> MotionKind:
-    """Return the kind of motions that legs are, by kernels of moving obstacles; None: nothing moves."""
+def _certify_for(space: SpaceKernels, moving: MovingKernels | None) -> Any:
+    """Build the kernel that certifies legs, by kernels of a footprint and of moving obstacles; None: nothing moves."""
+    free = free_leg(space, moving)
 
-    @cache
-    def kernels(space: SpaceKernels) -> MotionKernels:
-        free = free_leg(space, moving)
+    @inlined
+    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+        return free(around, _ends(motions, i))
 
-        @inlined
-        def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-            return free(around, _ends(motions, i))
+    return certify
 
-        return MotionKernels(_entry, _cut, certify, _pairs, _most)
 
-    return MotionKind(kernels, _free, _trajectory)
+def _kernels(around: Surroundings) -> MotionKernels:
+    certify = _certify_for(around.static.kernels, around.traffic.kernels)
+    return MotionKernels(_entry, _cut, certify, _pairs_of(around.classes.kernels), _most)
+
+
+LEGS = MotionKind(_kernels, _free, _trajectory)
 
 
 @inlined

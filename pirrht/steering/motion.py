@@ -20,9 +20,7 @@ from pirrht.geometry.space import Space, SpaceKernels
 from pirrht.geometry.world import Moving
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
-from pirrht.topology.crossings import Cuts, pairs_of_curve
-from pirrht.topology.homology import Homology
-from pirrht.topology.tracks import MarkerTrajectories
+from pirrht.topology.signature import Signature, SignatureKernels, Table
 
 SPACING = 0.05  # distance of points on drawn arcs [m]
 
@@ -113,24 +111,20 @@ class Surroundings(NamedTuple):
     """A scene as kernels that judge or shorten motions take it; nothing in it moves for motions without times."""
 
     static: Space  # of the robot's footprint
-    cuts: Cuts
-    markers: Array  # (M - J, 2) of static obstacles [m]
+    classes: Table  # of the signature
     weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker, moving ones last
     goal_x: float  # goal point [m]
     goal_y: float
     goal_radius: float  # radius of the goal's disc [m]
     traffic: Moving  # J obstacles
-    tracks: MarkerTrajectories  # of J moving markers
-    speed: float  # of bases [m/s]
 
     @classmethod
-    def of(cls, space: FreeSpace, homology: Homology) -> Surroundings:
+    def of(cls, space: FreeSpace, homology: Signature) -> Surroundings:
         """Take an examined scene and the classes of paths in it."""
         x, y = space.scene.goal.center.tolist()
         return cls(
-            static=space.static, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
-            goal_y=y, goal_radius=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
-            speed=homology.speed,
+            static=space.static, classes=homology.table, weights=homology.hash_weights, goal_x=x, goal_y=y,
+            goal_radius=float(space.scene.goal.radius), traffic=space.moving,
         )  # fmt: skip
 
 
@@ -175,7 +169,7 @@ class MotionKernels(NamedTuple):
 class MotionKind(NamedTuple):
     """A kind of motions: how the tree judges `Motions` of it, and makes references of them."""
 
-    kernels: Callable[[SpaceKernels], MotionKernels]  # for the kernels of a footprint; one object for the same ones
+    kernels: Callable[[Any], MotionKernels]  # (surroundings): by kernels of their footprint and classes
     free: Callable[[Any, int, FreeSpace], bool]  # FCL's verdict on motion i
     trajectory: Callable[[Any, Any], Trajectory]  # (steering, path): the controls that drive a path, and their times
 
@@ -211,12 +205,19 @@ def _cut(curves, i, s):  # type: ignore[no-untyped-def]
     curves.cost[i] *= _length(curves, i) / max(whole, 1e-300)  # a curve of no length costs nothing
 
 
-@part
-def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    curve = (curves.start[i], curves.curvature[i], curves.length[i])
-    head = (curves.heads[i, 0], curves.heads[i, 1])
+@cache
+def _pairs_of(classes: SignatureKernels) -> Any:
+    """Build the kernel that counts the turns of curves, by kernels of a signature."""
+    add = classes.arcs
 
-    return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
+    @part
+    def pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+        curve = (curves.start[i], curves.curvature[i], curves.length[i])
+        head = (curves.heads[i, 0], curves.heads[i, 1])
+
+        return add(around.classes, curve, to_goal, head, marker, turn, count)
+
+    return pairs
 
 
 @kernel
@@ -278,14 +279,20 @@ _most = inlined(lambda curves: curves.length.shape[1])
 
 
 @cache
-def _kernels(space: SpaceKernels) -> MotionKernels:
+def _certify_for(space: SpaceKernels) -> Any:
+    """Build the kernel that certifies curves, by kernels of a footprint."""
     certify_curve = space.certify_curve
 
     @part
     def certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
         return certify_curve(around.static, curves.start[i], curves.curvature[i], curves.length[i], patient)
 
-    return MotionKernels(_entry, _cut, certify, _pairs, _most, _between)
+    return certify
+
+
+def _kernels(around: Surroundings) -> MotionKernels:
+    certify = _certify_for(around.static.kernels)
+    return MotionKernels(_entry, _cut, certify, _pairs_of(around.classes.kernels), _most, _between)
 
 
 ARCS = MotionKind(_kernels, _free, _trajectory)

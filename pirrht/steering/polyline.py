@@ -15,7 +15,7 @@ from pirrht.steering.chain import Connect, shortcut_with
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.legs import entered
 from pirrht.steering.tuning import POLYLINE as TUNING
-from pirrht.topology.crossings import key_of_segment
+from pirrht.topology.signature import SignatureKernels
 
 
 def taut_lines(path: Curves, connect: Connect, checker: EdgeChecker) -> Any:
@@ -31,8 +31,9 @@ def taut_polyline(points: Array, checker: EdgeChecker) -> Array:
     """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
     capacity = max(TUNING.capacity, TUNING.capacity_per_corner * len(points))
     out = np.empty((capacity + TUNING.loose_capacity, 2))
-    taut = tautening(checker.space.static.kernels)
-    short = out[: taut(checker.around, np.ascontiguousarray(points), capacity, out)].copy()
+    around = checker.around
+    taut = tautening(around.static.kernels, around.classes.kernels)
+    short = out[: taut(around, np.ascontiguousarray(points), capacity, out)].copy()
     return short if _length(short, len(short)) <= _length(points, len(points)) else points
 
 
@@ -44,21 +45,24 @@ def _length(points, count):  # type: ignore[no-untyped-def]
     return total
 
 
-@borrowing
-def _key(around, a, b, last):  # type: ignore[no-untyped-def]
-    """Additive key of the segment from a (2,) to b (2,)."""
-    return key_of_segment(around.cuts, a[0], a[1], b[0], b[1])
-
-
 @cache
-def tautening(space: SpaceKernels) -> Any:
-    """Build the kernel (around, points (k, 2), capacity, out (l, 2)) that shortens a polyline, for a footprint."""
+def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
+    """Build the kernel (around, points (k, 2), capacity, out (l, 2)) that shortens a polyline.
+
+    It takes kernels of a footprint and of a signature.
+    """
     place, certify_piece = space.place, space.certify_piece
+    key_of_step = classes.key
+
+    @borrowing
+    def key_of(around, a, b, last):  # type: ignore[no-untyped-def]
+        """Additive key of the segment from a (2,) to b (2,)."""
+        return key_of_step(around.classes, (a[0], a[1]), (b[0], b[1]))
 
     @borrowing
     def joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
         """Return whether the segment from a (2,) to b (2,) has a key, and is free up to the goal's disc."""
-        if _key(around, a, b, last) != key:
+        if key_of(around, a, b, last) != key:
             return False
         share = min(1.0, entered(around, a[0], a[1], b[0], b[1]))
         x = a[0] + share * (b[0] - a[0])
@@ -66,7 +70,7 @@ def tautening(space: SpaceKernels) -> Any:
 
         return certify_piece(around.static, (a[0], a[1]), (x, y), False) == FREE
 
-    shortcut = shortcut_with(_key, joins)
+    shortcut = shortcut_with(key_of, joins)
 
     @borrowing
     def cut(around, corner, first, last, halvings):  # type: ignore[no-untyped-def]
@@ -94,7 +98,7 @@ def tautening(space: SpaceKernels) -> Any:
 
             if k == halvings:
                 break
-            key = _key(around, corner[0], corner[1], False) + _key(around, corner[1], corner[2], False)
+            key = key_of(around, corner[0], corner[1], False) + key_of(around, corner[1], corner[2], False)
             if joins(around, 0, corner[0], corner[2], False, key):
                 low = share
             else:

@@ -28,8 +28,8 @@ from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.legs import LATE, entered, free_leg
 from pirrht.steering.motion import Legs
 from pirrht.steering.tuning import IN_TIME as TUNING
-from pirrht.topology.crossings import key_of_pairs
-from pirrht.topology.moving_crossings import crossings_of_leg
+from pirrht.topology.pairs import key_of_pairs
+from pirrht.topology.signature import SignatureKernels
 
 BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
 
@@ -94,7 +94,8 @@ def _joined(
     """Join some of the knots (k, 3) by legs up to the goal's disc; the path, None if a leg is not free, and its key."""
     kept = knots.copy()
     kept[-1, :2] = _into(kept[-1, :2], checker.space.scene.goal)
-    shortcut = shortcuts(checker.space.static.kernels, checker.space.moving.kernels)
+    around = checker.around
+    shortcut = shortcuts(around.static.kernels, around.traffic.kernels, around.classes.kernels)
     kept = kept[: shortcut(checker.around, numbers, kept, len(kept) if far else TUNING.patience)]
     path: Legs = checker.until_goal(connect(kept[:-1], kept[1:]))
     free, key = _judged(path, checker)
@@ -120,23 +121,23 @@ def _meshed(knots: Array, count: int) -> Array:
     return np.column_stack([np.interp(at, times, knots[:, k]) for k in range(3)])
 
 
-@kernel
-def _key_of_leg(around, a, b, to_goal):  # type: ignore[no-untyped-def]
-    """Additive key of the straight line from a to b, 2 x (3,)."""
-    M = around.weights.shape[0]
-    tail = (a[0], a[1], a[2])
-    head = (b[0], b[1], b[2])
-
-    marker = np.empty(M, np.int32)
-    turn = np.empty(M, np.int16)
-    count = crossings_of_leg(around, tail, head, to_goal, marker, turn, 0)
-    return key_of_pairs(marker, turn, 0, count, around.weights)
-
-
 @cache
-def shortcuts(space: SpaceKernels, moving: MovingKernels | None) -> Any:
-    """Build the kernel that leaves out knots, by kernels of moving obstacles."""
+def shortcuts(space: SpaceKernels, moving: MovingKernels | None, classes: SignatureKernels) -> Any:
+    """Build the kernel that leaves out knots, by kernels of a footprint, of moving obstacles and of a signature."""
     free = free_leg(space, moving)
+    crossings = classes.crossings
+
+    @kernel
+    def key_of_leg(around, a, b, to_goal):  # type: ignore[no-untyped-def]
+        """Additive key of the straight line from a to b, 2 x (3,)."""
+        M = around.weights.shape[0]
+        tail = (a[0], a[1], a[2])
+        head = (b[0], b[1], b[2])
+
+        marker = np.empty(M, np.int32)
+        turn = np.empty(M, np.int16)
+        count = crossings(around.classes, tail, head, to_goal, marker, turn, 0)
+        return key_of_pairs(marker, turn, 0, count, around.weights)
 
     @kernel
     def joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
@@ -148,11 +149,11 @@ def shortcuts(space: SpaceKernels, moving: MovingKernels | None) -> Any:
             dt > 0.0
             and square <= (numbers[2] * dt) ** 2 * (1.0 + LATE)
             and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
-            and _key_of_leg(around, a, b, last) == key
+            and key_of_leg(around, a, b, last) == key
             and free(around, (a[0], a[1], a[2], b[0], b[1], b[2])) == FREE
         )
 
-    return shortcut_with(_key_of_leg, joins)
+    return shortcut_with(key_of_leg, joins)
 
 
 @inlined

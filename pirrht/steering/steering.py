@@ -19,6 +19,7 @@ from pirrht.steering.chain import cheapest_chain, compiled_chain, plain_chain, r
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Motions, Surroundings, Trajectory
 from pirrht.steering.polyline import taut_lines
+from pirrht.topology.signature import Signature
 
 
 @inlined
@@ -97,12 +98,8 @@ class Steering(ABC):
         heading = (self.heading,) if kernels.turns and self.heading is not None else ()
         return (*range(kernels.position), *heading)
 
-    def motion_in(self, space: FreeSpace) -> MotionKind:
-        """Return the kind of its motions in an examined scene; here `motion`."""
-        return self.motion
-
-    def homology(self, space: FreeSpace) -> Any:
-        """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
+    def homology(self, space: FreeSpace) -> Signature:
+        """Signature of its paths in an examined scene; here about static obstacles only."""
         return space.homology.static
 
     def surroundings(self, space: FreeSpace) -> Any:
@@ -111,7 +108,7 @@ class Steering(ABC):
 
     def checker(self, space: FreeSpace) -> EdgeChecker:
         """Make the judge of its motions in an examined scene."""
-        return EdgeChecker(space=space, around=self.surroundings(space), motion=self.motion_in(space))
+        return EdgeChecker(space=space, around=self.surroundings(space), motion=self.motion)
 
     def shorten(self, path: Any, checker: EdgeChecker) -> Any:
         """Shorten a path of consecutive motions into the goal inside its class, certified, at no more cost.

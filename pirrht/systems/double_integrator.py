@@ -120,6 +120,7 @@ class DoubleIntegrator(IsotropicNoise):
     m = 2
     states = ("x", "y", "vx", "vy")
     drift = staticmethod(coasting)
+    control_kind = "acceleration"
     homing = staticmethod(into_goal)
 
     def twist(self, x: Array, rate: Array) -> Array:

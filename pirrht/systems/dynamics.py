@@ -83,6 +83,10 @@ class Dynamics:
     # Whether the equation is Stratonovich's, whose steps take f and G half-way, or Ito's. Both are one where no column
     # of B = G s changes along itself, as noise along a heading does not.
     stratonovich: bool = False
+    # Optional: what the control is, apart from a drift, for steering methods that suit any such system: a "velocity"
+    # (`InTime`), an "acceleration" (`MassSteering`), or the "turn rate" of a car at constant speed V [m/s] that turns
+    # with a radius of V rho [m] at least (`Dubins`).
+    control_kind: str = ""
     position: tuple[int, ...] = (0, 1)  # indices of the states that are the position
     # Optional: what samples do that outlive their guide, (x, p, B, aim, radius, rate, out) -> None, compiled by numba:
     # the control towards the goal's disc at aim (x, y) [m] as a = B_c^-1 G_c u, out (m,) [1/sqrt(s)]; rate is q/lambda.

@@ -15,6 +15,7 @@ class SingleIntegrator(IsotropicNoise):
     n = 2
     m = 2
     drift = staticmethod(no_drift)
+    control_kind = "velocity"
 
     def twist(self, x: Array, rate: Array) -> Array:
         """World velocities (vx, vy), (2,) [m/s]."""

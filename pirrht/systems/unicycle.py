@@ -42,6 +42,7 @@ class Unicycle(Dynamics):
     m = 1
     states = ("x", "y", "heading")
     drift = staticmethod(unicycle_drift)
+    control_kind = "turn rate"
     homing = staticmethod(turn_home)
 
     def __post_init__(self) -> None:

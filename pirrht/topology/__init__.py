@@ -1,7 +1,10 @@
 """Homology classes of paths (paper, section IV-A).
 
-signature          interface: base, crossings, key of a class
-homology           signature of planar paths about static and moving obstacles, and class of the path driven so far
+signature          interface: kernels of base, crossings and key of a step; key and name of a class
+choice             choose the signature of a scene
+driven             class of the path driven so far
+pairs              classes as (obstacle, turn) pairs
+homology           signature of planar paths about static and moving obstacles
 crossings          rays behind static markers, and which of them segments and arcs cross
 tracks             trajectories of moving markers, and angles of steps about them
 moving_crossings   rays of moving markers that legs and sampled paths cross

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import along, center_of, turns_of_chord, turns_of_piece
-from pirrht.jit.jit import borrowing, inlined, kernel, load_float64, load_int32, load_int64
+from pirrht.jit.jit import borrowing, inlined, load_float64, load_int32, load_int64
 
 FEW_MARKERS = 8  # up to so many markers are all tested: measured as faster than finding their sector
 SECTOR_MARGIN = 1e-9  # sectors are widened by so much for rounding, of 4 for a whole turn
@@ -144,8 +144,24 @@ def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     return key
 
 
-# Called, not inlined, where the loop is short.
-key_of_segment = kernel(lambda cuts, ax, ay, cx, cy: key_of_step(cuts, ax, ay, cx, cy))
+@inlined
+def keys_of_steps(cuts, f, rows, n, keys, at):  # type: ignore[no-untyped-def]
+    """Add the keys of n segments, (x, y) to (to_x, to_y) [m] in f from four places on, to `keys` from `at` on."""
+    X, Y, NX, NY = rows
+    if FEW_MARKERS < cuts.M:
+        for k in range(n):
+            keys[at + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
+        return
+    gx = np.float32(cuts.goal_x)
+    gy = np.float32(cuts.goal_y)
+
+    for c in range(cuts.M):
+        mx = np.float32(load_float64(cuts.x, c))
+        my = np.float32(load_float64(cuts.y, c))
+        weight = load_int64(cuts.weight, c)
+        for k in range(n):
+            turn = turn_at_cut(mx, my, gx, gy, f[X + k], f[Y + k], f[NX + k], f[NY + k])
+            keys[at + k] += turn * weight
 
 
 @inlined
@@ -160,26 +176,6 @@ def crossed(cuts, ax, ay, bx, by, marker, turn, count):  # type: ignore[no-untyp
             marker[count], turn[count] = load_int32(cuts.marker, k), whole
             count += 1
     return count
-
-
-class Turns(NamedTuple):
-    """Whole turns of k curves; those of curve i are the pairs first[i] to first[i+1]."""
-
-    first: NDArray[np.int64]  # (k+1,)
-    marker: NDArray[np.int32]  # (pairs,) index in all signatures
-    turn: NDArray[np.int16]  # (pairs,) [turns]
-
-    def dense(self, i: int, M: int) -> NDArray[np.int64]:
-        """The integers of curve i for all markers, (M,) [turns]."""
-        part = slice(self.first[i], self.first[i + 1])
-        return spread(self.marker[part], self.turn[part], M)
-
-
-def spread(marker: NDArray[np.int32], turn: NDArray[np.int16], M: int) -> NDArray[np.int64]:
-    """Pairs, 2 x (pairs,), as integers for all markers, (M,) [turns]."""
-    whole = np.zeros(M, dtype=np.int64)
-    np.add.at(whole, marker, turn)
-    return whole
 
 
 @borrowing
@@ -238,30 +234,3 @@ def pairs_of_curve(cuts, curve, to_goal, head, marker, turn, count):  # type: ig
             count = _pairs_of_piece(cuts, (x, y, theta, curvature[p], length[p]), ex, ey, marker, turn, count)
             x, y, theta = ex, ey, end
     return count
-
-
-@borrowing
-def summed(total, marker, turn, begin, count):  # type: ignore[no-untyped-def]
-    """Sum pairs begin to count of one marker into one, in place, and drop zeros; the new count.
-
-    Pairs are marker, turn (l,) [turns]; `total` (M,) are zeros, and zeros again afterwards.
-    """
-    for i in range(begin, count):
-        total[marker[i]] += turn[i]
-    kept = begin
-    for i in range(begin, count):
-        k = marker[i]
-        if total[k] != 0:
-            marker[kept], turn[kept] = k, total[k]
-            total[k] = 0
-            kept += 1
-    return kept
-
-
-@borrowing
-def key_of_pairs(marker, turn, begin, count, weights):  # type: ignore[no-untyped-def]
-    """Additive key of pairs begin to count of marker, turn (l,) [turns], by weights (M,)."""
-    key = np.int64(0)
-    for i in range(begin, count):
-        key += turn[i] * weights[marker[i]]
-    return key

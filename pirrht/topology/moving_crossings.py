@@ -12,7 +12,7 @@ seen from the goal point, a path is on the ray where g x r = 0 and g . r + g . g
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -160,6 +160,8 @@ class RayTable(NamedTuple):
     goal: Array  # (T + 1, 2, J) the goal point as seen from each [m]
     weight: IntArray  # (J,) additive key of one turn
     opening: int  # additive key of the turns that the base takes off
+    goal_x: float  # goal point [m]
+    goal_y: float  # [m]
 
     @classmethod
     def of(
@@ -172,12 +174,24 @@ class RayTable(NamedTuple):
         fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / BASE_PIECE))
         base = x[:2] + np.linspace(0.0, 1.0, len(fine))[:, None] * (goal - x[:2])
         seen, along = (_goal_seen(tracks, goal, some) for some in (times, fine))
+        goal_x, goal_y = goal.tolist()
         # At its end, the goal point itself, it is on no ray.
-        return cls(seen, weight, -int(key_of_path(cls(along, weight, 0), tuple(goal), base, len(base) - 2)))
+        taken_off = int(_key_of_path(cls(along, weight, 0, goal_x, goal_y), base, len(base) - 2))
+        return cls(seen, weight, -taken_off, goal_x, goal_y)
 
 
 SPOT = 4  # numbers of the last place of a path: step, share of it, and place as seen from the goal point [m]
-NO_RAYS = RayTable(np.zeros((1, 2, 0)), np.zeros(0, dtype=np.int64), 0)
+NO_RAYS = RayTable(np.zeros((1, 2, 0)), np.zeros(0, dtype=np.int64), 0, 0.0, 0.0)
+
+
+class Watch(NamedTuple):
+    """Scratch of one path after another."""
+
+    side: Array  # (J,) side of the ray of each moving marker on which the path is
+    spot: Array  # (SPOT,) where that was evaluated
+
+
+WATCH: Any = Watch
 
 
 def _goal_seen(tracks: MarkerTrajectories, goal: Array, times: Array) -> Array:
@@ -211,25 +225,35 @@ def goal_from(marks, j, i, share):  # type: ignore[no-untyped-def]
     return gx, rest * marks.goal[i, 1, j] + share * marks.goal[i + 1, 1, j]
 
 
+@kernel
+def watch(marks):  # type: ignore[no-untyped-def]
+    """Allocate scratch for paths."""
+    return WATCH(np.empty(marks.weight.shape[0]), np.empty(SPOT))
+
+
 @part
-def open_sides(marks, goal, x, y, side, spot):  # type: ignore[no-untyped-def]
-    """Write the first sides of (x, y) [m] of rays to `side` (J,), the place to `spot` (SPOT,); goal point (2) [m]."""
+def begin(marks, x, watch):  # type: ignore[no-untyped-def]
+    """Note the sides of rays on which a path from a position x begins; return its first additive key."""
+    side, spot = watch.side, watch.spot
     spot[0] = 0.0
     spot[1] = 0.0
-    spot[2] = x - goal[0]
-    spot[3] = y - goal[1]
+    spot[2] = x[0] - marks.goal_x
+    spot[3] = x[1] - marks.goal_y
 
     for j in range(side.shape[0]):
         side[j], _ = side_of_ray(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
+    return np.int64(marks.opening)
 
 
 @part
-def key_among(marks, goal, i, share, x, y, side, spot):  # type: ignore[no-untyped-def]
-    """Additive key of the turns of a step that ends at (x, y) [m], a share of step i later than that begins.
+def follow(marks, i, share, x, watch):  # type: ignore[no-untyped-def]
+    """Additive key of the turns of a step that ends at a position x, a share of step i later than that begins.
 
-    `side` and `spot` are as the last call has left them. A path hardly ever changes sides: only that is vectorized.
+    `watch` is as the last call has left it. A path hardly ever changes sides: only that is vectorized.
     """
-    rx, ry = x - goal[0], y - goal[1]
+    side, spot = watch.side, watch.spot
+    rx = x[0] - marks.goal_x
+    ry = x[1] - marks.goal_y
     passed = 0
 
     for j in range(side.shape[0]):
@@ -265,12 +289,10 @@ def _turns(marks, i, share, rx, ry, count, spot):  # type: ignore[no-untyped-def
 
 
 @kernel
-def key_of_path(marks, goal, states, length):  # type: ignore[no-untyped-def]
+def _key_of_path(marks, states, length):  # type: ignore[no-untyped-def]
     """Additive key of the turns of the first `length` steps of states (T + 1, n), less those of the base."""
-    side = np.empty(marks.weight.shape[0])
-    spot = np.empty(SPOT)
-    open_sides(marks, goal, states[0, 0], states[0, 1], side, spot)
-    key = np.int64(marks.opening)
+    notes = watch(marks)
+    key = begin(marks, states[0], notes)
     for i in range(length):
-        key += key_among(marks, goal, i, 1.0, states[i + 1, 0], states[i + 1, 1], side, spot)
+        key += follow(marks, i, 1.0, states[i + 1], notes)
     return key

@@ -1,14 +1,80 @@
-"""Define the homology signature of a path: the interface between topology, tree, sampler and run."""
+"""Define the homology signature of a path: the interface between topology, tree, sampler and run.
+
+A kind of signatures is a set of kernels, and a class that makes the numbers that they take. Whatever is above
+`topology/` calls the kernels by their record, and imports no kind.
+"""
+
+from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cache
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
+from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.obstacle import Mover
+from pirrht.jit.jit import as_tuple, inlined, kernel
+from pirrht.topology.pairs import spread
 
 OTHER = "other"  # name of all classes that no reference has, taken together
+
+
+class SignatureKernels(NamedTuple):
+    """Kernels of one kind of signatures, which steering, tree, proposals and samples call.
+
+    `table` is `Signature.table`, `rays` what `Signature.rays` returns. Points are positions and times (`Signature.at`).
+    Pairs (obstacle, turn) are appended to marker, turn (l,), where `count` are already; kernels that append them return
+    how many there are. An obstacle may recur.
+    """
+
+    base: Any  # (table, x, out (M,)): write H of the base from a point [turns]
+    # (table, a, b, to_goal, marker, turn, count): append the pairs that a straight step from point a to point b adds to
+    # the class of b; `to_goal`: b is where it enters the goal, and it goes on straight to the goal point.
+    crossings: Any
+    turns: Any  # (table, a, b, out (M,)): add H of a straight step from point a to a later point b [turns]
+    # (table, (start, curvature, length), to_goal, head, marker, turn, count): append the pairs of a curve of arcs
+    # (`Curves`), that ends at `head`, among static obstacles; None: there are no arcs.
+    arcs: Any = None
+    # (table, a, b): additive key of a straight step between positions among static obstacles.
+    key: Any = None
+    # (table, f, (x, y, to_x, to_y), n, keys, at): add those of n steps of points in the plane to `keys` from `at` on;
+    # their coordinates are in f, in single precision, from four places on. None: there are no points in the plane.
+    keys: Any = None
+    # Of sampled paths among moving obstacles; None: there are none. `watch` is scratch of one path after another.
+    watch: Any = None  # (rays): allocate scratch
+    begin: Any = None  # (rays, x, watch): begin another path at a position; return its first additive key
+    follow: Any = None  # (rays, i, share, x, watch): additive key of the step to a position, a share of step i later
+
+
+def _unclassified() -> SignatureKernels:
+    """Make kernels of paths that have no class: their keys are 0."""
+    nothing = inlined(lambda rays: 0)
+    key = inlined(lambda table, a, b: np.int64(0))
+    begin = inlined(lambda rays, x, watch: np.int64(0))
+    follow = inlined(lambda rays, i, share, x, watch: np.int64(0))
+    keys = inlined(lambda table, f, rows, n, keys, at: None)
+    return SignatureKernels(None, None, None, None, key, keys, nothing, begin, follow)
+
+
+NO_CLASSES = _unclassified()
+
+
+class Table(Protocol):
+    """Numbers of a signature as its kernels take them: a NamedTuple of numbers and addresses."""
+
+    @property
+    def kernels(self) -> SignatureKernels:
+        """Return the kernels that take them."""
+
+
+class Classes(NamedTuple):
+    """A signature as kernels take it that classify paths from one state over steps."""
+
+    table: Table  # `Signature.table`
+    rays: Any  # `Signature.rays`
 
 
 class Signature(ABC):
@@ -32,37 +98,122 @@ class Signature(ABC):
         '1'
     """
 
+    markers: Array  # (M - J, d) one point inside each static obstacle [m]
+    goal: Array  # (d,) goal point [m]
+    names: tuple[str, ...] = ()  # (J,) of the moving obstacles that moving markers belong to
     named: int | None = None  # turns that a name gives at least: later zeros are left out; None: all of them
+    speed: float = 1.0  # of bases among moving obstacles [m/s]
 
     most_base: float = 0.5  # greatest magnitude of a base [turns]: a straight line in the plane turns at most half
 
     @property
-    @abstractmethod
     def M(self) -> int:
-        """Number of obstacles that paths can wind around."""
+        """Number of obstacles that paths can wind around: static ones, then moving ones."""
+        return len(self.markers) + self.J
+
+    @property
+    def J(self) -> int:
+        """Number of moving markers."""
+        return len(self.names)
+
+    @property
+    @abstractmethod
+    def table(self) -> Table:
+        """Numbers that its kernels take."""
+
+    @property
+    def static(self) -> Signature:
+        """Signature about the static obstacles only; here there are no others."""
+        return self
 
     @abstractmethod
+    def with_goal(self, goal: Array) -> Signature:
+        """Signature about the same obstacles for another goal point (d,) [m]."""
+
+    @abstractmethod
+    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> Signature:
+        """Signature about the same static obstacles and other moving ones."""
+
+    def with_speed(self, speed: float) -> Signature:
+        """Signature with bases at another speed [m/s], which only moving obstacles depend on."""
+        return self
+
+    def rays(self, x: Array, times: Array) -> Any:
+        """Return what kernels take of moving obstacles for paths from x (n,) over steps to times (T + 1,) [s]."""
+        return ()
+
+    def classes(self, x: Array, times: Array) -> Classes:
+        """Return what kernels take that classify paths from x (n,) over steps to times (T + 1,) [s]."""
+        return Classes(self.table, self.rays(x, times))
+
+    def places(self, times: Array) -> Array:
+        """Places of moving markers at times (T,) [s], (J, T, d) [m]."""
+        return np.empty((self.J, len(times), len(self.goal)))
+
+    def at(self, x: Array, time: float | Array) -> Array:
+        """Points (..., d + 1) of states x (..., n) at times (...,) [s]: positions, then times."""
+        position = x[..., : len(self.goal)]
+        times = np.broadcast_to(np.asarray(time, dtype=float), position.shape[:-1])
+        return np.concatenate([position, times[..., None]], axis=-1)
+
     def base(self, x: Array) -> Array:
-        """H of the base from x (n,), (M,) [turns], without the leading 1."""
+        """H of the base from a point x, (M,) [turns], without the leading 1; 0 about moving markers at an open time."""
+        out = np.empty(self.M)
+        table = self.table
+        table.kernels.base(table, np.ascontiguousarray(x, dtype=float), out)
+        return out
 
-    @abstractmethod
     def crossings(self, a: Array, b: Array) -> list[tuple[int, int]]:
-        """(obstacle, turn) pairs that a straight segment from a (n,) to b (n,) adds to the class of b."""
+        """(obstacle, turn) pairs that a straight segment from point a to point b adds to the class of b."""
+        whole = self.along(np.array([a, b]))
+        return [(int(k), int(whole[k])) for k in np.flatnonzero(whole)]
 
     def along(self, path: Array) -> IntArray:
-        """Sum of the crossings of a path's segments, path (k, n), (M,) [turns]."""
-        whole = np.zeros(self.M, dtype=np.int64)
-        for a, b in zip(path[:-1], path[1:], strict=True):
-            for obstacle, turn in self.crossings(a, b):
-                whole[obstacle] += turn
-        return whole
+        """Sum of the crossings of the segments of a path of k points, (M,) [turns]."""
+        pairs = max(1, len(path) - 1) * self.M
+        marker = np.empty(pairs, np.int32)
+        turn = np.empty(pairs, np.int16)
 
-    def at(self, x: Array, time: float) -> Array:
-        """Point that `base` and `crossings` take for a state x (n,) at a time [s]; here the state."""
-        return x
+        table = self.table
+        add, _ = _along_with(table.kernels, len(self.goal) + 1)
+        count = add(table, self._timed(path), marker, turn)
+        return spread(marker[:count], turn[:count], self.M)
+
+    def turns(self, path: Array) -> Array:
+        """H of a path of k points whose times do not fall, (M,) [turns], without the leading 1."""
+        out = np.zeros(self.M)
+        table = self.table
+        _, add = _along_with(table.kernels, len(self.goal) + 1)
+        add(table, self._timed(path), out)
+        return out
+
+    def closed(self, turns: Array, first: Array, last: Array) -> Array:
+        """H of a path from point `first` to `last`, completed to the goal point, over the base's, (M,) [turns]."""
+        return turns + self.base(last) - self.base(first)
+
+    def winding(self, path: Array) -> tuple[int, ...]:
+        """Class, M [turns], of a path of k points, completed straight to the goal point, where it then waits."""
+        path = self._timed(path)
+        return integers(self.closed(self.turns(path), path[0], path[-1]))
+
+    def most_turned(self, path: Array) -> float:
+        """Return the greatest |H_i| about a static marker of what is left of a path (k, n) at its points [turns].
+
+        It is completed straight to the goal point. A tree has the path if its limit is no less.
+        """
+        line = np.vstack([path[:, : len(self.goal)], self.goal])
+        parts = np.array([self.static.turns(np.array(pair)) for pair in zip(line[:-1], line[1:], strict=True)])
+        left = np.cumsum(parts[::-1], axis=0)
+        return float(np.abs(left).max(initial=0.0))
+
+    def _timed(self, path: Array) -> Array:
+        """Points (k, d + 1) of a path (k, n); times are 0 where nothing moves."""
+        d = len(self.goal)
+        times = path[:, d] if self.J else np.zeros(len(path))
+        return np.column_stack([path[:, :d], times])
 
     def signature(self, x: Array, winding: Sequence[int]) -> Array:
-        """The paper's H = 1 + H(sigma) of a class (M,) seen from x (n,), (M,) [turns]."""
+        """The paper's H = 1 + H(sigma) of a class (M,) seen from a point x, (M,) [turns]."""
         return np.asarray(1.0 + self.base(x) + np.asarray(winding, dtype=float))
 
     @property
@@ -78,6 +229,26 @@ class Signature(ABC):
     def name(self, winding: Sequence[int]) -> str:
         """Public name of a class (M,)."""
         return class_id(winding, self.named)
+
+
+@cache
+def _along_with(kernels: SignatureKernels, d: int) -> tuple[Any, Any]:
+    """Build kernels that append the pairs of a path of points (k, d), and that add its H."""
+    crossings, turned = kernels.crossings, kernels.turns
+
+    @kernel
+    def pairs(table, path, marker, turn):  # type: ignore[no-untyped-def]
+        count = 0
+        for i in range(path.shape[0] - 1):
+            count = crossings(table, as_tuple(path[i], d), as_tuple(path[i + 1], d), False, marker, turn, count)
+        return count
+
+    @kernel
+    def turns(table, path, out):  # type: ignore[no-untyped-def]
+        for i in range(path.shape[0] - 1):
+            turned(table, as_tuple(path[i], d), as_tuple(path[i + 1], d), out)
+
+    return pairs, turns
 
 
 @cache

@@ -2,9 +2,9 @@
 
 The car's exact grid cannot resolve little noise, so truth is sampled: in parts, with steps of FINE, and v from the
 mean of their psi, which is unbiased; its error is the scatter of the parts. A million samples of default steps tell
-what the steps do; plans of default size what few samples do besides. Claimed errors are of sampling, so plans are
-compared with a million samples of their own steps ("in 1" to "over 3"), and with truth ("truth in 2", "over 3"). States
-without a reference are left out, and those where truth has fewer than ENOUGH effective samples are counted, not judged.
+what the steps do; plans of default size what few samples do besides. Plans are compared with
+truth ("in 1" to "over 3"), and with a million samples of their own steps ("own in 2", "over 3"). States without a
+reference are left out, and those where truth has fewer than ENOUGH effective samples are counted, not judged.
 """
 
 import argparse
@@ -28,7 +28,7 @@ RADIUS = 0.15  # of the car [m]
 FINE = 0.02  # [s]
 MANY, PARTS = 1_000_000, 10
 ENOUGH = 100.0
-HEADER = ["b, scene", "states", "unclear", "plans", "in 1", "in 2", "over 3", "truth in 2", "over 3"]
+HEADER = ["b, scene", "states", "unclear", "plans", "in 1", "in 2", "over 3", "own in 2", "over 3"]
 HEADER += ["bias", "its s.e.", "rms", "s.e.", "steps' bias", "its s.e.", "worst", "in s.e.", "ESS", "none", "ms"]
 
 
@@ -120,12 +120,12 @@ def summary(states: list[dict[str, Any]]) -> dict[str, Any]:
     steps = np.array([s["coarse"]["v"] for s in clear]) - true
     steps_error = np.hypot(unsure, [s["coarse"]["v_error"] for s in clear])
     return counts | {
-        "plans": len(own),
-        "v1": float(np.mean(own <= 1)),
-        "v2": float(np.mean(own <= 2)),
-        "v3": float(np.mean(own > 3)),
-        "truth2": float(np.mean(score <= 2)),
-        "truth3": float(np.mean(score > 3)),
+        "plans": len(score),
+        "v1": float(np.mean(score <= 1)),
+        "v2": float(np.mean(score <= 2)),
+        "v3": float(np.mean(score > 3)),
+        "own2": float(np.mean(own <= 2)),
+        "own3": float(np.mean(own > 3)),
         "bias": float(bias.mean()),
         "bias_error": _of_mean(error),
         "rms": float(np.sqrt(np.mean(np.concatenate(off) ** 2))),
@@ -147,7 +147,7 @@ def _text(row: dict[str, Any]) -> list[str]:
     if "v1" not in row:
         return [*cells, *[""] * (len(HEADER) - 5), str(row["without"]), ""]
     return [
-        *cells, str(row["plans"]), *(f"{100 * row[key]:.1f}" for key in ("v1", "v2", "v3", "truth2", "truth3")),
+        *cells, str(row["plans"]), *(f"{100 * row[key]:.1f}" for key in ("v1", "v2", "v3", "own2", "own3")),
         f"{row['bias']:+.5f}", f"{row['bias_error']:.5f}", f"{row['rms']:.5f}", f"{row['claim']:.5f}",
         f"{row['steps']:+.5f}", f"{row['steps_error']:.5f}", f"{row['worst']:+.5f}",
         f"{row['worst_over_error']:.1f}", f"{row['ess']:.1f}", str(row["without"]), f"{row['ms']:.1f}",

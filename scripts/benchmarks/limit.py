@@ -5,9 +5,10 @@ from numba import njit
 
 from pirrht.geometry.world import World
 from pirrht.jit.jit import mapped
+from pirrht.topology.signature import Table
 
 from pirrht.rollouts.point_stages import (  # isort: skip
-    DT, LANES, NX, ROOT, SIGN, L, X, add_log_ratios, cross, draw, judge, move, scratch_of, single, single_matrix,
+    DT, LANES, NX, ROOT, SIGN, L, X, add_log_ratios, draw, judge, move, scratch_of, single, single_matrix,
     survey,
 )  # fmt: skip
 
@@ -24,7 +25,7 @@ def _normals(blocks, scratch):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy")
-def _steps(around, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-def]
+def _steps(around, keys, table, H, noise, blocks, scratch):  # type: ignore[no-untyped-def]
     """The same with the step, its class, one look-up, the exit at its end and H likelihood ratios; no path ends."""
     f, a, ratio, short, long, random, bits = scratch
     B, goal = single_matrix(noise * np.eye(2)), around.goal
@@ -35,7 +36,7 @@ def _steps(around, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-
         for _ in range(STEPS):
             draw(random, bits, f, LANES)
             move(0, B, f, a, LANES)
-            cross(cuts, f, long, LANES)
+            keys(table, f, (X, X + L, NX, NX + L), LANES, long, 0)
             survey(around, f, short, LANES)
             judge(around, f, short, LANES)
             add_log_ratios(0, H, f, a, ratio, LANES)
@@ -47,10 +48,14 @@ def normals(samples: int, threads: int) -> int:
     return _on(threads, samples, 1, lambda blocks, scratch: _normals(blocks, scratch))
 
 
-def steps(arena: World, cuts: object, classes: int, samples: int, threads: int) -> int:
+def steps(arena: World, table: Table, classes: int, samples: int, threads: int) -> int:
     """Simulate `samples` paths of 60 steps that nothing ends; number of steps."""
+    keys = table.kernels.keys
     return _on(
-        threads, samples, classes, lambda blocks, scratch: _steps(single(arena), cuts, classes, 0.01, blocks, scratch)
+        threads,
+        samples,
+        classes,
+        lambda blocks, scratch: _steps(single(arena), keys, table, classes, 0.01, blocks, scratch),
     )
 
 

@@ -135,10 +135,12 @@ def _note(figures: dict[str, Any]) -> str:
 def _limit(setting: Setting) -> Result:
     """Time per step of what no rollout can do without, on as many threads as ours."""
     integral, samples = setting.kernels[OURS], NUMBERS[-1]
-    threads, arena, cuts = integral.threads, integral.setup.world, integral.setup.cuts
+    threads, setup = integral.threads, integral.setup
     work: dict[str, Callable[[int], int]] = {
         "two normals": lambda _: limit.normals(samples, threads),
-        "two normals and the arithmetic": lambda _: limit.steps(arena, cuts, setting.H, samples, threads),
+        "two normals and the arithmetic": lambda _: limit.steps(
+            setup.world, integral.homology.table, setting.H, samples, threads
+        ),
     }
     seconds = interleaved(work, 5, warm=True)
     rates = {name: work[name](0) / spent for name, spent in seconds.items()}
@@ -155,7 +157,7 @@ def _same_on_threads(setting: Setting) -> bool:
     for name, integral in setting.kernels.items():
         kept, found = integral.backend, []
         for threads in (1, 2):
-            integral.backend = Cpu.of(integral.problem, integral.setup.world, threads)
+            integral.backend = Cpu.of(integral.problem, integral.setup, integral.homology.table.kernels, threads)
             found.append(setting.estimate(name, 6000, 0))
         integral.backend = kept
         one, two = (estimate.rollouts.paths for estimate in found)

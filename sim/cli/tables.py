@@ -9,8 +9,7 @@ from pirrht.estimation.risk import CollisionProbability
 from pirrht.estimation.sampling import TUNING
 from pirrht.formatting import percent
 from pirrht.planner.references import Reference
-from pirrht.topology.homology import Homology
-from pirrht.topology.signature import OTHER
+from pirrht.topology.signature import OTHER, Signature
 from sim.drawing.colors import passing, title
 from sim.drive import episode
 from sim.drive.metrics import REASONS, EpisodeMetrics, Truth
@@ -29,7 +28,7 @@ REMEDIES = {  # of `Plan.fallback`
 DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
-def class_table(references: Sequence[Reference], homology: Homology | None = None, names: Sequence[str] = ()) -> str:
+def class_table(references: Sequence[Reference], homology: Signature | None = None, names: Sequence[str] = ()) -> str:
     """One row per homology class, cheapest first; with a homology in time also how each passes obstacles.
 
     `names` are those of static obstacles.

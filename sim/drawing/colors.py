@@ -1,4 +1,4 @@
-"""Homology classes for people: one colour and one title for a whole run, and words for how a path passes obstacles.
+"""Signature classes for people: one colour and one title for a whole run, and words for how a path passes obstacles.
 
 A path passes a moving obstacle before or behind it if that crosses the way, else left or right. The word for an
 obstacle follows from the turns about it, so that classes of equal turns have the same word and others another one.
@@ -14,8 +14,7 @@ from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.plotting.colors import Color, blend
 from pirrht.plotting.strokes import interpolated
-from pirrht.topology.homology import Homology
-from pirrht.topology.tracks import places_at
+from pirrht.topology.signature import Signature
 from sim.drawing.strokes import knots_of
 
 # Charcoal, plum, olive, mint, sand, slate: of methods, none of which is the colour of a class.
@@ -59,7 +58,7 @@ def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
     return rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32) + np.uint32(255)
 
 
-def sides(references: Sequence[Reference], homology: Homology) -> list[tuple[str, ...]]:
+def sides(references: Sequence[Reference], homology: Signature) -> list[tuple[str, ...]]:
     """Return how each of several paths passes each of J moving markers: a word for each number of turns about it.
 
     One that crosses the way of most is passed before or behind it, any other left or right as these paths go.
@@ -71,7 +70,7 @@ def sides(references: Sequence[Reference], homology: Homology) -> list[tuple[str
     return [tuple(view.get(word, word) for view, word in zip(views, row, strict=True)) for row in words]
 
 
-def _views(references: Sequence[Reference], homology: Homology) -> list[dict[str, str]]:
+def _views(references: Sequence[Reference], homology: Signature) -> list[dict[str, str]]:
     """Return for each of J markers what its left and its right are called, by how it goes by all paths on average."""
     lines = [knots for one in references if (knots := knots_of(one)) is not None]
     sums = np.zeros((3, homology.J)) + sum(_seen(knots, homology) for knots in lines)
@@ -84,7 +83,7 @@ def _views(references: Sequence[Reference], homology: Homology) -> list[dict[str
     return views
 
 
-def _seen(knots: Array, homology: Homology) -> Array:
+def _seen(knots: Array, homology: Signature) -> Array:
     """Return how J markers go by a path (k, 3), (3, J): sums over moments, each the more the nearer a marker is.
 
     The sine of the angle from the robot's direction to the marker's, while both move; 1 while both move; and 1 or -1
@@ -92,8 +91,7 @@ def _seen(knots: Array, homology: Homology) -> Array:
     """
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
     way = interpolated(knots[:, :2], knots[:, 2], times)
-    places = np.empty((homology.J, MOMENTS, 2))
-    places_at(homology.tracks, times, places)
+    places = homology.places(times)
     along = np.diff(way, axis=0)
     moved = np.diff(places, axis=1)
     weight = 1.0 / np.maximum(np.sum((places - way)[:, 1:] ** 2, axis=-1), 1e-9)
@@ -132,7 +130,7 @@ def labels(names: Sequence[str]) -> list[str]:
     return [f"{k} {n}" if few and n != f"obstacle {k}" else str(k) for k, n in enumerate(names, 1)]
 
 
-def passing(references: Sequence[Reference], homology: Homology, names: Sequence[str]) -> list[list[str]]:
+def passing(references: Sequence[Reference], homology: Signature, names: Sequence[str]) -> list[list[str]]:
     """List how each path passes the obstacles by which the paths differ, as "walker: behind" or "pillar: left of it".
 
     `names` (S,) are those of the static ones. Of many only those that a path turns about are listed. Where paths do

@@ -20,8 +20,7 @@ from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting.strokes import even, fading, interpolated, lengths, outline
-from pirrht.topology.homology import Homology
-from pirrht.topology.signature import OTHER
+from pirrht.topology.signature import OTHER, Signature
 from sim.states import adapter_of
 
 Floats = NDArray[np.float32]
@@ -159,7 +158,7 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
     return ends
 
 
-def remaining(homology: Homology, reference: Reference, line: Array, obstacle: int) -> Array:
+def remaining(homology: Signature, reference: Reference, line: Array, obstacle: int) -> Array:
     """The paper's H [turns] of what is left of a reference at each point of its line (k, 2), (k,)."""
     away = line - homology.markers[obstacle]
     cross = away[:-1, 0] * away[1:, 1] - away[:-1, 1] * away[1:, 0]

@@ -22,13 +22,14 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Policy, RunState
+from pirrht.control.policy import Policy
+from pirrht.control.run_state import RunState
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.topology.homology import Driven
+from pirrht.topology.driven import Driven
 from pirrht.topology.signature import OTHER, class_id
 from pirrht.traits import Traits
 from sim.drawing.colors import title

@@ -93,7 +93,7 @@ class Live(Policy):
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,), in a new world if one is ready and has a path to the goal from there."""
-        now = self.run.time
+        now = self.run.clock.time
         try:
             if (ready := self.ready(now)) is not None:
                 ready.driver.begin(x, now)

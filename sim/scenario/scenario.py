@@ -29,7 +29,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
-from pirrht.topology.homology import Homology
+from pirrht.topology.signature import Signature
 from pirrht.traits import Traits
 from sim import tree_file
 from sim.drive import episode
@@ -115,8 +115,8 @@ class Scenario:
         return float(self.loaded.model.opt.timestep)
 
     @property
-    def homology(self) -> Homology:
-        """Homology that separates the classes of runs."""
+    def homology(self) -> Signature:
+        """Signature that separates the classes of runs."""
         return self._in_time().homology(self.space) if self.moving else self.space.homology
 
     @property

@@ -35,7 +35,7 @@ def cheapest(made: Controller, x: np.ndarray) -> DDPGuide:
     """The guide of the cheapest class from a state."""
     made.begin(x)
     made.plan(x)
-    return min((optima[0] for optima in made.run.memory.optima.values()), key=lambda one: one.penalised)
+    return min((optima[0] for optima in made.run.starts.optima.values()), key=lambda one: one.penalised)
 
 
 def passive_noise(guide: DDPGuide) -> DDPGuide:

@@ -8,9 +8,9 @@ import words
     ("source", "found"),
     [
         ("class Aside: ...", [(1, "Aside")]),
-        ("def plan(reach): ...", [(1, "reach")]),
-        ("x = 1\nplan.reach = x", [(2, "reach")]),
-        ("print(plan.reach)", []),  # where it is defined it is found
+        ("def plan(room): ...", [(1, "room")]),
+        ("x = 1\nplan.room = x", [(2, "room")]),
+        ("print(plan.room)", []),  # where it is defined it is found
         ('"""Return one value.\n\nIt is foretold.\n"""', [(3, "foretold")]),
         ("x = 1  # bodies that move", [(1, "bodies that move")]),
         ('x = f"{1} bodies that stand still"', [(1, "stand still")]),

@@ -9,7 +9,7 @@ from discs import scene_of
 from pirrht import Problem, SingleIntegrator, Unicycle
 from pirrht.geometry.disc import DISC
 from pirrht.rollouts.cpu import kernels_for, kind_of
-from pirrht.rollouts.point_block import sample
+from pirrht.rollouts.point_block import blocks_for
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics, IsotropicNoise, no_drift
 from pirrht.systems.rover import Rover
@@ -69,6 +69,6 @@ def test_kernels_of_a_point_simulate_in_blocks_unless_its_rate_varies_and_laws_a
     q = {"q": rate, "q_min": 1.0} if varying else {}
     problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=SCENE, R=np.eye(2), **q)
     assert Traits.of(problem).in_blocks(moving=False) is not varying
-    assert (kernels_for(problem, DISC).sample is sample) is not varying
+    assert (kernels_for(problem, DISC) is blocks_for(None)) is not varying
     assert not kind_of(problem, DISC).takes_law
     assert kind_of(replace(problem, dynamics=Blown(b=0.1)), DISC).takes_law

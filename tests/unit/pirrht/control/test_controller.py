@@ -84,10 +84,10 @@ def test_steps_are_the_plans_of_a_loop_that_observes(slit, slit_tree: HomologyTr
             other.observe(x[None], DT)
         np.testing.assert_array_equal(u, other.plan(x).control)
         x = x + DT * u
-    assert one.run.time == pytest.approx(2 * DT)
+    assert one.run.clock.time == pytest.approx(2 * DT)
     one.begin(slit.start)
     one.step(slit.start, DT)
-    assert one.run.time == 0.0
+    assert one.run.clock.time == 0.0
     with pytest.raises(OptionError, match="dt is 0"):
         one.step(slit.start, 0.0)
 

@@ -13,7 +13,7 @@ from trees import grown, point
 
 from pirrht import Controller, Estimate, FreeSpace, HomologyTree, OptionError, Problem, Sampling
 from pirrht.control.baselines import Mppi, alone, class_values, follow_best
-from pirrht.control.policy import ClassMemory
+from pirrht.control.run_state import ClassShares
 from pirrht.control.settings import SAMPLING
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.motion import step_means
@@ -76,9 +76,9 @@ def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_n
         (None, 0.8, best), (names[best], 0.8, best), (names[second], 0.999 * ratio, second),
         (names[second], 1.001 * ratio, best), ("9,9", 0.1, best),
     ):  # fmt: skip
-        memory = ClassMemory(followed=followed)
-        follow_best(noisy(slit), estimate, batch, memory, consistency)
-        assert memory.followed == names[expected]
+        shares = ClassShares(followed=followed)
+        follow_best(noisy(slit), estimate, batch, shares, consistency)
+        assert shares.followed == names[expected]
 
 
 @pytest.mark.parametrize("method", [*SAMPLING, "mppi"])
@@ -225,6 +225,6 @@ def test_both_optima_are_sampled_where_noise_makes_them_alike(seed: int):
     controller, x = point(scene, 0.2, 600, seed=seed, samples=300, threads=1), np.array([0.38, 1.447])
     controller.begin(x, 0.758)
     assert controller.plan(x).estimate is not None
-    [(own, other)] = [optima for optima in controller.run.memory.optima.values() if len(optima) > 1]
+    [(own, other)] = [optima for optima in controller.run.starts.optima.values() if len(optima) > 1]
     assert own.log_ratio_to(other) > 3.0
     assert own.penalised == pytest.approx(other.penalised, abs=3.0 * controller.problem.temperature)

@@ -70,6 +70,6 @@ def test_a_class_keeps_its_name_when_something_else_is_foretold():
         favourites.append(plan.favourite)
         x = x + 0.1 * plan.control
         one.observe(x[None], 0.1)
-    assert one.run.since > 1.0
+    assert one.run.route.since > 1.0
     assert favourites[9] in plan.ids
     assert len(set(favourites[8:])) == 1

@@ -27,7 +27,7 @@ def first_plan(monkeypatch, last: int | None = None):
     batch, estimate = made.proposals.estimate(draft, 7, made.run, TimeBudget())
     monkeypatch.undo()
     assert estimate is not None
-    assert made.run.memory.fits
+    assert made.run.starts.fits
     return batch, estimate, numbers
 
 
@@ -48,6 +48,14 @@ def test_the_laws_of_a_weak_plan_do_not_depend_on_the_samples_that_it_is_weighed
     earlier, *_ = first_plan(monkeypatch, last=numbers[-2])  # on samples of the round before they do
     pairs = zip(guides_of(batch), guides_of(earlier), strict=True)
     assert any(not np.array_equal(one.modes, two.modes) for one, two in pairs)
+
+
+def test_the_cheapest_class_gets_a_guide_even_if_it_was_postponed():
+    made = controller(None, ONE_WAY, samples=SAMPLES)
+    assert made.tree is not None
+    references = made.tree.references(START)
+    made.run.retries.postpone(references[0].id, 99)
+    assert guides_of(made.proposals.draft(START, references, made.run, TimeBudget()).batch)
 
 
 def test_a_weak_plan_is_weighed_by_its_last_round_alone(monkeypatch):

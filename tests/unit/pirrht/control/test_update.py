@@ -124,13 +124,13 @@ def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     c = controller(room(*WALLS), "car", vertices=600)
     x = start(c)
     c.plan(x)
-    guides = dict(c.run.memory.optima)
+    guides = dict(c.run.starts.optima)
     assert set(guides) >= {(0, 0)}
     c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))  # off every path
-    assert {whole[:2]: guide for whole, guide in c.run.memory.optima.items()} == guides
-    assert c.run.memory.sampled
+    assert {whole[:2]: guide for whole, guide in c.run.starts.optima.items()} == guides
+    assert c.run.starts.sampled
     c.update(room(*WALLS, CRATE))
-    assert (0, 0) not in {whole[:2] for whole in c.run.memory.optima}
+    assert (0, 0) not in {whole[:2] for whole in c.run.starts.optima}
 
 
 def touched(scene: Scene, path: np.ndarray) -> bool:

@@ -13,7 +13,7 @@ from trees import grown
 from pirrht import Dubins, FreeSpace, HomologyTree, OptionError, Steering, StraightLine
 from pirrht.planner.expand import PassageSampler
 from pirrht.planner.graph import ROOT, Graph, class_at
-from pirrht.topology.crossings import Turns
+from pirrht.topology.pairs import Turns
 from sim.cli import main
 from sim.drive import episode
 from sim.scenario import Scenario, prepare

@@ -32,7 +32,7 @@ def guide():
     """The guide of the likeliest class."""
     made = controller()
     made.plan(START)
-    return next(iter(made.run.memory.optima.values()))[0]
+    return next(iter(made.run.starts.optima.values()))[0]
 
 
 def plenty(made: Controller):
@@ -114,4 +114,4 @@ def test_plans_do_not_depend_on_the_number_of_threads():
     one, two = controller(threads=1), controller(threads=2)
     for _ in range(3):
         np.testing.assert_array_equal(one.plan(START).control, two.plan(START).control)
-    assert one.run.memory.fits
+    assert one.run.starts.fits

@@ -55,7 +55,7 @@ def test_a_straight_course_at_twice_the_pace_takes_half_the_steps():
     assert length == math.ceil(guide.length / 2)
     np.testing.assert_allclose(fast.states[: length + 1], guide.states[: 2 * length + 1 : 2], atol=1e-12)
     query = guidance.query(guide.states[0], guide.times, 0)
-    arrived, *_ = guidance.optimise(query.setup, guidance.tasks[1.0], query.clock, 0, 0, fast, length)
+    arrived, *_ = guidance.optimise(query.setup, query.classes, guidance.tasks[1.0], query.clock, 0, 0, fast, length)
     assert abs(arrived - guide.length / 2) <= 1.0
 
 
@@ -63,7 +63,7 @@ def test_past_corners_a_guide_drives_at_the_best_speed():
     """Without other paces one of the two classes is up to 5 % slower."""
     one = made(BOX, BEHIND)
     cheapest(one, START)
-    guides = [optima[0] for optima in one.run.memory.optima.values()]
+    guides = [optima[0] for optima in one.run.starts.optima.values()]
     assert len(guides) == 2
     for guide in guides:
         speeds = np.hypot(*guide.modes[: guide.length].T) / asked(one)

@@ -43,7 +43,10 @@ def both(scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: s
     problem = replace(scenario.problem, phi=phi)
     source = path_integral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
-    path = any_path(KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, Traits.of(problem), DISC, (0, 1)))
+    kernels = source.homology.table.kernels
+    traits = Traits.of(problem)
+    kind = KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, traits, DISC, (0, 1), classes=kernels)
+    path = any_path(kind)
     source.backend = Cpu(loops(*path, 2), 1)
     return block, drawn(source, tree, counts).paths
 

@@ -8,8 +8,9 @@ from windings_by_angle import turns_of_curve
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
-from pirrht.topology.crossings import key_of_pairs, key_of_segment, pairs_of_curve, sector, spread, summed
-from pirrht.topology.homology import Homology
+from pirrht.topology.crossings import pairs_of_curve, sector
+from pirrht.topology.homology import RAYS, Homology
+from pirrht.topology.pairs import key_of_pairs, spread, summed
 
 MARKERS = np.array([[2.0, 1.0], [3.0, -0.5], [1.0, -1.5]])
 GOAL = np.array([5.0, 0.0])
@@ -134,7 +135,7 @@ def dense(homology: Homology, start: Array, curvature: Array, length: Array) -> 
 def test_the_key_of_a_segment_is_that_of_its_winding(M: int) -> None:
     homology = field(M)
     for a, c in segments(homology, 600):
-        assert key_of_segment(homology.cuts, *a, *c) == homology.key(homology.winding(np.array([a, c])))
+        assert RAYS.key(homology.table, a, c) == homology.key(homology.winding(np.array([a, c])))
 
 
 @pytest.mark.parametrize("M", NUMBERS)
