@@ -21,7 +21,7 @@ from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
-from pirrht.steering.motion import ARCS, MotionKernels, MotionKind
+from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Surroundings
 from pirrht.steering.straight_line import Tracked, velocity_at
 from pirrht.steering.tuning import TUNING
 
@@ -137,7 +137,7 @@ def lines_with_turns(reverses: bool) -> MotionKind:
         return True
 
     @cache
-    def kernels(space: SpaceKernels) -> MotionKernels:
+    def certify_for(space: SpaceKernels) -> Any:
         certify_piece, certify_turn = space.certify_piece, space.certify_turn
 
         @kernel
@@ -159,7 +159,10 @@ def lines_with_turns(reverses: bool) -> MotionKind:
                 verdict = min(verdict, certify_turn(static, (ex, ey, heading), turn, patient))
             return verdict
 
-        curves = ARCS.kernels(space)
+        return certify
+
+    def kernels(around: Surroundings) -> MotionKernels:
+        curves, certify = ARCS.kernels(around), certify_for(around.static.kernels)
         return MotionKernels(curves.entry, cut, certify, curves.pairs, curves.most, between)
 
     def free(motions: Turned, i: int, space: FreeSpace) -> bool:
@@ -227,7 +230,8 @@ class TurnAndGo(Tracked):
         """Return the costs per meter and radian, and 1 if it reverses."""
         return self.cost_per_meter, self.cost_per_radian, float(self.reverses)
 
-    def motion_in(self, space: FreeSpace) -> MotionKind:
+    @property
+    def motion(self) -> MotionKind:  # type: ignore[override]
         """Return its kind of motions."""
         return lines_with_turns(self.reverses)
 

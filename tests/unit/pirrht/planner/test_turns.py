@@ -14,6 +14,8 @@ from pirrht.systems.rover import Rover
 CART = Footprint.rectangle(1.0, 0.4)
 GAP = [(2.9, 0.0, 3.1, 2.25), (2.9, 2.75, 3.1, 5.0)]  # 0.5 m wide
 
+CROSSING = [(0.0, 0.0, 2.7, 2.2), (3.3, 0.0, 6.0, 2.2), (0.0, 2.8, 2.7, 5.0), (3.3, 2.8, 6.0, 5.0)]  # 0.6 m wide
+
 
 def bend(width: float, pocket: float = 0.0) -> list[tuple[float, ...]]:
     """A corridor along x that turns up, with room to the upper left of its corner."""
@@ -49,14 +51,18 @@ def test_a_cart_passes_lengthwise_and_turns_where_there_is_room_and_backs_out_of
         heading = along
 
 
-def test_a_bend_that_is_too_narrow_to_turn_in_is_named():
-    problem = task(bend(0.6), (0.7, 1.3, 0), (3.7, 4, 0.2))
+@pytest.mark.parametrize(
+    ("boxes", "start", "goal", "at"),
+    [(bend(0.6), (0.7, 1.3, 0), (3.7, 4, 0.2), (3.4, 1.6)), (CROSSING, (0.7, 2.5, 0), (3.0, 4.4, 0.2), (2.7, 2.7))],
+)  # fmt: skip
+def test_a_bend_or_crossing_that_is_too_narrow_to_turn_in_is_named(boxes, start, goal, at):
+    problem = task(boxes, start, goal)
     space = FreeSpace.of(problem.scene)
     tree = grown(space, TurnAndGo.of(problem), 300)
     with pytest.raises(NoReference):
         tree.references(space.scene.start)
     place = narrow_place(tree, space.scene.start)
     assert place is not None
-    assert place.at == pytest.approx((3.4, 1.6), abs=0.5)
-    assert place.width == pytest.approx(0.6, abs=0.05)
+    assert place.at == pytest.approx(at, abs=0.6)
+    assert place.width == pytest.approx(0.6, abs=0.1)
     assert "it needs 0.4 m there at best" in place.says(CART)
