@@ -351,5 +351,5 @@ DISC = SpaceKernels(
     position=2, turns=False, isotropic=True, near_most=NEAR_MOST, clearance=clearance, place=clearance, walls=walls,
     near=near, distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep, bridge=bridge,
     end=endpoint_exit, exit=towards_exit, rim=rim, certify=certify, certify_place=certify,
-    certify_piece=certify_piece, certify_curve=certify_curve, certify_turn=None,
+    certify_piece=certify_piece, certify_curve=certify_curve,
 )  # fmt: skip
