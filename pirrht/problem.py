@@ -64,13 +64,7 @@ class Problem:
     def __post_init__(self) -> None:
         for fault in _faults(self.dynamics):
             raise OptionError(f"{type(self.dynamics).__name__}: {fault}")
-        if not self.scene.footprint.is_disc and self.dynamics.heading is None:
-            raise OptionError(
-                f"{self.scene.footprint} turns, and {type(self.dynamics).__name__} has no heading among its states "
-                f"{', '.join(self.dynamics.states)}; choose a disc, or a system with one"
-            )
-        if not self.scene.footprint.is_disc and self.scene.movers:
-            raise OptionError(f"among moving obstacles a robot is a disc; {self.scene.footprint} is none")
+        self._require_heading()
         m = self.dynamics.m
         shape = np.shape(self.control_cost(self.dynamics.state_of(self.scene.start)))
         if shape != (m, m):
@@ -86,6 +80,16 @@ class Problem:
         if np.isnan(self.phi) or self.phi < 0:
             raise OptionError(f"the final cost phi is {self.phi:g}; it must be 0 or more (infinity is allowed)")
         object.__setattr__(self, "temperature", self._temperature())
+
+    def _require_heading(self) -> None:
+        """Refuse a footprint that turns where the system has no heading, or obstacles move."""
+        if not self.scene.footprint.is_disc and self.dynamics.heading is None:
+            raise OptionError(
+                f"{self.scene.footprint} turns, and {type(self.dynamics).__name__} has no heading among its states "
+                f"{', '.join(self.dynamics.states)}; choose a disc, or a system with one"
+            )
+        if not self.scene.footprint.is_disc and self.scene.movers:
+            raise OptionError(f"among moving obstacles a robot is a disc; {self.scene.footprint} is none")
 
     def __repr__(self) -> str:
         rate = "q(x)" if callable(self.q) else f"q {self.q:g}"

@@ -221,12 +221,10 @@ def _sweep(value, out, rays, gaps, smoothing, order):  # type: ignore[no-untyped
 
     `gaps` as of `turning_gaps`, empty where headings do not matter; `smoothing`: weights of headings, variance [rad^2].
     """
-    taps, variance = smoothing
+    taps, _ = smoothing
     walled = gaps.shape[1] > 0
     nx, ny, nt = value.shape
-    width = taps.shape[0]
     reach = taps.shape[0] // 2
-    temperature = rays.temperature
 
     ray = np.empty(nt + 2 * reach)
     weight = np.empty(nt + 2 * reach)
@@ -250,30 +248,45 @@ def _sweep(value, out, rays, gaps, smoothing, order):  # type: ignore[no-untyped
             ray[reach + nt :] = ray[reach : 2 * reach]
             least = ray.min()
             for k in range(nt + 2 * reach):
-                weight[k] = math.exp((least - ray[k]) / temperature)
+                weight[k] = math.exp((least - ray[k]) / rays.temperature)
             for k in range(nt):
                 if walled and rays.ended[i, j, k] < 0.0:
                     continue
-                if walled and min(gaps[0, i, j, k], gaps[1, i, j, k]) < math.inf:
-                    total = 0.0
-                    for t in range(width):
-                        turn = (t - reach) * 2.0 * math.pi / nt
-                        total += taps[t] * weight[k + t] * _misses(gaps[0, i, j, k], gaps[1, i, j, k], turn, variance)
-                    new = rays.ceiling if total <= 0.0 else min(least - temperature * math.log(total), rays.ceiling)
-                    change = max(change, abs(new - value[i, j, k]))
-                    out[i, j, k] = new
-                    continue
-                best, total = least, 0.0
-                for t in range(width):
-                    total += taps[t] * weight[k + t]
-                if total <= 1e-290:  # the best heading of all is too far ahead to scale by
-                    best, total = ray[k : k + width].min(), 0.0
-                    for t in range(width):
-                        total += taps[t] * math.exp((best - ray[k + t]) / temperature)
-                new = min(best - temperature * math.log(total), rays.ceiling)
+                sides = (gaps[0, i, j, k], gaps[1, i, j, k]) if walled else (math.inf, math.inf)
+                if min(sides[0], sides[1]) < math.inf:
+                    new = _between_gaps(weight, k, sides, smoothing, rays, least)
+                else:
+                    new = _over_headings(ray, weight, k, taps, rays, least)
                 change = max(change, abs(new - value[i, j, k]))
                 out[i, j, k] = new
     return change
+
+
+@inlined
+def _between_gaps(weight, k, sides, smoothing, rays, least):  # type: ignore[no-untyped-def]
+    """Return v at heading k from weights of headings around it, less those of turns that meet a wall [cost]."""
+    taps, variance = smoothing
+    width = taps.shape[0]
+    nt = weight.shape[0] + 1 - width
+    total = 0.0
+    for t in range(width):
+        turn = (t - width // 2) * 2.0 * math.pi / nt
+        total += taps[t] * weight[k + t] * _misses(sides[0], sides[1], turn, variance)
+    return rays.ceiling if total <= 0.0 else min(least - rays.temperature * math.log(total), rays.ceiling)
+
+
+@inlined
+def _over_headings(ray, weight, k, taps, rays, least):  # type: ignore[no-untyped-def]
+    """Return v at heading k from what rays find at headings around it, and their weights [cost]."""
+    width = taps.shape[0]
+    best, total = least, 0.0
+    for t in range(width):
+        total += taps[t] * weight[k + t]
+    if total <= 1e-290:  # the best heading of all is too far ahead to scale by
+        best, total = ray[k : k + width].min(), 0.0
+        for t in range(width):
+            total += taps[t] * math.exp((best - ray[k + t]) / rays.temperature)
+    return min(best - rays.temperature * math.log(total), rays.ceiling)
 
 
 @inlined

@@ -255,7 +255,7 @@ def bridge(arena, pose, moved, before, after, cov, weighed, state, line=False): 
 
 
 @kernel
-def facing(static, pose, cov):  # type: ignore[no-untyped-def]
+def facing(static, pose, known, cov):  # type: ignore[no-untyped-def]
     """Clearance of a place [m] over the share of noise, of a covariance, that a wall faces along its line."""
     (x, y), size, nearest = pose, cov[0] + cov[2], np.inf
     for k in range(2):

@@ -1,7 +1,7 @@
 """Free space of a convex footprint that turns with the heading: a member of `SpaceKernels`, by discs that cover it.
 
-The clearance at a pose (x, y, heading) is the least of that of all discs of a cover, never too high. A circle around
-the reference point holds them all, and a few larger discs cover it less tightly: far from walls their clearance does.
+The clearance at a pose (x, y, heading) is the least of that of all discs of a cover, never too high. Groups of them lie
+in larger discs, and all of them in a circle around the reference point: far from walls the clearance of those does.
 Walls are flat in (x, y, heading), with a part for the heading that is the lever of the disc they are next to.
 """
 
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.certify import certificates
@@ -21,18 +21,17 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.disc import enter_goal, may_meet
 from pirrht.geometry.disc import rim as planar_rim
 from pirrht.geometry.field import Field, border, closest, interpolate, with_slope
-from pirrht.geometry.footprint import Footprint, cover
+from pirrht.geometry.footprint import Footprint, cover, depths
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, LEAST_STEP, NEVER, UNSURE, SpaceKernels
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import borrowing, inlined, kernel, load_float32, load_float64
-from pirrht.jit.streams import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival, uniform
+from pirrht.jit.streams import FAR, MIN_VARIANCE, ONE, SIDEWAYS, ZERO, first_crossing, survival, uniform
 
-APART_COSINE = TUNING.apart_cosine
-ROW = 4  # numbers of a row: place x, y of a disc in the robot's frame, radius, and how far it reaches from there [m]
+# Numbers of a row: place x, y of a disc in the robot's frame, radius, and how far it reaches from there [m]; of a group
+# its first row, and the one past its last.
+ROW = 6
 NOWHERE = np.float32(1e6)  # clearance of a wall that is not there [m]
-UNIT = np.float32(1.0)
-NIL = np.float32(0.0)
 
 
 class PolygonNumbers(NamedTuple):
@@ -42,15 +41,14 @@ class PolygonNumbers(NamedTuple):
     """
 
     field: Field  # its border is that of the workspace, its grid reaches further
-    rows: int  # address of float64 (size, ROW): a coarse cover, then a tight one, discs that reach farthest first
-    coarse: int  # rows of the coarse cover
-    size: int  # rows of both
+    rows: int  # address of float64 (size, ROW): groups, then their discs, those that reach farthest first
+    groups: int  # number of groups
     around: float  # radius of the circle around all discs [m]
     within: float  # radius of the footprint's inscribed disc [m]
     reach: float  # of the footprint: a turn moves its points by at most so much per radian [m/rad]
     exact: float  # up to this clearance discs count, above it the circle around them does [m]
-    near: float  # up to this clearance of the coarse cover the tight one counts [m]
-    excess: float  # by which a disc of the tight one reaches beyond the footprint at most [m]
+    near: float  # up to this clearance of a group its discs count [m]
+    excess: float  # by which a disc reaches beyond the footprint at most [m]
     spacing: float  # of the field [m]
 
 
@@ -67,11 +65,10 @@ class Polygon(PolygonNumbers):
 
         `members` are the indices of the obstacles that count. SceneError: the workspace is too large for the field.
         """
-        tight = cover(footprint, TUNING.cover_share * excess)
-        coarse = cover(footprint, TUNING.coarse_cover * excess)
-        least = float(tight[:, 2].min())
-        rows = [_rows_of(discs, least) for discs in (coarse, tight)]
-        most = float(rows[0][0, 3]) + least
+        discs = cover(footprint, TUNING.cover_share * excess)
+        least = float(discs[:, 2].min())
+        table, groups = _grouped(footprint, discs, TUNING.group_excess * excess)
+        most = float(table[groups:, 3].max()) + least
         wide = Workspace(world.lower - most, world.upper + most, world.obstacles, world.waivers)
         collision = Collision(wide, Footprint.disc(least, height=footprint.height))
         cells = max(TUNING.cells_per_disc, least / (TUNING.grain * excess))
@@ -82,9 +79,8 @@ class Polygon(PolygonNumbers):
         field = whole._replace(left=left, low=low, right=right, high=high)
         field.arrays, field.blocks = whole.arrays, whole.blocks
 
-        table = np.concatenate(rows)
         polygon = cls(
-            field=field, rows=table.ctypes.data, coarse=len(coarse), size=len(table), around=most - least,
+            field=field, rows=table.ctypes.data, groups=groups, around=most - least,
             within=footprint.inscribed - least, reach=footprint.reach, exact=TUNING.exact_reach * footprint.reach,
             near=TUNING.tight * excess, excess=TUNING.cover_share * excess, spacing=field.spacing,
         )  # fmt: skip
@@ -103,11 +99,48 @@ class Polygon(PolygonNumbers):
         return POLYGON
 
 
-def _rows_of(discs: Array, least: float) -> Array:
-    """Return rows of discs (k, 3), those that reach farthest first, with radii beyond the least one [m], (k, ROW)."""
-    reaches = np.hypot(discs[:, 0], discs[:, 1]) + discs[:, 2]
-    rows = np.column_stack((discs[:, :2], discs[:, 2] - least, reaches - least))
-    return np.ascontiguousarray(rows[np.argsort(-reaches, kind="stable")])
+def _grouped(footprint: Footprint, discs: Array, excess: float) -> tuple[Array, int]:
+    """Return rows of groups and of discs (k, 3), with radii beyond the least one [m], (g + k, ROW), and g.
+
+    Groups are circles around some discs; two are joined as long as the circle around both reaches no more than `excess`
+    [m] beyond the footprint, those first for which that is least.
+    """
+    circles, held = discs, [[k] for k in range(len(discs))]
+    while True:
+        a, b = np.triu_indices(len(circles), 1)
+        both = _around(circles[a], circles[b])
+        beyond = both[:, 2] + depths(footprint.hull, both[:, :2]) - footprint.rounding
+        if not len(both) or beyond.min() > excess:
+            break
+        one, other = int(a[np.argmin(beyond)]), int(b[np.argmin(beyond)])
+        held[one] += held.pop(other)
+        circles = np.delete(circles, other, axis=0)
+        circles[one] = both[np.argmin(beyond)]
+    order = _by_reach(circles)
+    members = [np.array(held[j])[_by_reach(discs[held[j]])] for j in order]
+    rows = np.vstack((circles[order], discs[np.concatenate(members)]))
+    table = np.zeros((len(rows), ROW))
+    table[:, :2] = rows[:, :2]
+    table[:, 2] = rows[:, 2] - discs[:, 2].min()
+    table[:, 3] = np.hypot(rows[:, 0], rows[:, 1]) + table[:, 2]
+    table[: len(order), 4:] = len(order) + np.cumsum([0, *map(len, members)])[np.arange(len(order))[:, None] + (0, 1)]
+    return table, len(order)
+
+
+def _around(one: Array, other: Array) -> Array:
+    """Return the least circles around two discs each, (k, 3) and (k, 3)."""
+    span = other[:, :2] - one[:, :2]
+    apart = np.hypot(*span.T)
+    radius = 0.5 * (apart + one[:, 2] + other[:, 2])
+    share = (radius - one[:, 2]) / np.maximum(apart, 1e-12)
+    both = np.column_stack((one[:, :2] + share[:, None] * span, radius))
+    both = np.where((one[:, 2] >= apart + other[:, 2])[:, None], one, both)
+    return np.where((other[:, 2] >= apart + one[:, 2])[:, None], other, both)
+
+
+def _by_reach(discs: Array) -> IntArray:
+    """Return the order of discs (k, 3) in which those that reach farthest come first."""
+    return np.argsort(-np.hypot(discs[:, 0], discs[:, 1]) - discs[:, 2], kind="stable")
 
 
 @inlined
@@ -121,23 +154,48 @@ def _disc(static, k, x, y, c, s):  # type: ignore[no-untyped-def]
     return x + dx, y + dy, dx, dy, load_float64(static.rows, ROW * k + 2)
 
 
-@kernel
-def nearest_disc(static, begin, x, y, th, far, within):  # type: ignore[no-untyped-def]
-    """Return the least clearance of a cover from obstacles, if less than `within` [m], and its row; else this, -1.
+@inlined
+def _reach(static, k):  # type: ignore[no-untyped-def]
+    """Return how far disc k reaches from the reference point [m]."""
+    return load_float64(static.rows, ROW * k + 3)
 
-    Its rows `begin` at 0, of the coarse cover, or where that ends.
+
+@inlined
+def _members(static, j):  # type: ignore[no-untyped-def]
+    """Return the rows of the discs of group j."""
+    return range(np.int64(load_float64(static.rows, ROW * j + 4)), np.int64(load_float64(static.rows, ROW * j + 5)))
+
+
+@inlined
+def _clearance_of(static, k, x, y, c, s):  # type: ignore[no-untyped-def]
+    """Return the clearance of disc k at a pose [m]."""
+    px, py, _, _, radius = _disc(static, k, x, y, c, s)
+    return interpolate(static.field, static.field.nearest, px, py) - radius
+
+
+@kernel
+def nearest_disc(static, x, y, th, far, within):  # type: ignore[no-untyped-def]
+    """Return the least clearance of discs from obstacles, if less than `within` [m], and its row; else this, -1.
 
     `far` is the clearance of the least disc at (x, y); another place is not nearer to walls by more than its distance.
     """
     c, s = math.cos(th), math.sin(th)
     best, at = within, -1
-    for k in range(begin, static.size if begin else static.coarse):
-        if far - load_float64(static.rows, ROW * k + 3) >= best:
+    for j in range(static.groups):
+        if far - _reach(static, j) >= best:
             break
-        px, py, _, _, radius = _disc(static, k, x, y, c, s)
-        value = interpolate(static.field, static.field.nearest, px, py) - radius
-        if value < best:
-            best, at = value, k
+        value = _clearance_of(static, j, x, y, c, s)
+        if value >= best:
+            continue
+        if value >= static.near:
+            best, at = value, j
+            continue
+        for k in _members(static, j):
+            if far - _reach(static, k) >= best:
+                break
+            value = _clearance_of(static, k, x, y, c, s)
+            if value < best:
+                best, at = value, k
     return best, at
 
 
@@ -148,13 +206,7 @@ def _from_obstacles(static, pose, within):  # type: ignore[no-untyped-def]
     far = interpolate(static.field, static.field.nearest, x, y)
     if far - static.around >= min(within, static.exact):
         return min(within, far - static.around)
-    return _of_covers(static, x, y, th, far, within)
-
-
-@kernel
-def _of_covers(static, x, y, th, far, within):  # type: ignore[no-untyped-def]
-    coarse, _ = nearest_disc(static, 0, x, y, th, far, within)
-    return coarse if coarse >= static.near else nearest_disc(static, static.coarse, x, y, th, far, within)[0]
+    return nearest_disc(static, x, y, th, far, within)[0]
 
 
 @inlined
@@ -188,22 +240,7 @@ def apart(static, one, other):  # type: ignore[no-untyped-def]
     square = one[0] * one[0] + one[1] * one[1] + per * one[2] * one[2]
     square *= other[0] * other[0] + other[1] * other[1] + per * other[2] * other[2]
 
-    return along <= 0.0 or along * along < APART_COSINE * APART_COSINE * square
-
-
-@inlined
-def _wall_of(static, grid, k, x, y, c, s):  # type: ignore[no-untyped-def]
-    """Return the clearance of disc k, or if -1 of all, from a wall in a grid of the field [m], and its direction."""
-    px, py, dx, dy, radius = (x, y, 0.0, 0.0, static.around) if k < 0 else _disc(static, k, x, y, c, s)
-    d, gx, gy = with_slope(static.field, grid, px, py)
-    square = gx * gx + gy * gy
-    if square > 2.0:  # steeper than a distance can be: another wall takes over
-        return NOWHERE, (NIL, NIL, NIL)
-    per = 1.0 / math.sqrt(square + 1e-12)
-    nx = per * gx
-    ny = per * gy
-
-    return np.float32(d - radius), (np.float32(nx), np.float32(ny), np.float32(ny * dx - nx * dy))
+    return along <= 0.0 or along * along < TUNING.apart_cosine**2 * square
 
 
 @inlined
@@ -217,56 +254,108 @@ def _with(static, walls, c, direction):  # type: ignore[no-untyped-def]
     return walls
 
 
-@kernel
-def walls_of(static, begin, pose):  # type: ignore[no-untyped-def]
-    """Return the two nearest walls of a cover at a pose, border included, each as clearance [m] and direction.
+@inlined
+def _wall_of(static, grid, place):  # type: ignore[no-untyped-def]
+    """Return the clearance of a disc at a `place` (`_disc`) from a wall in a grid of the field [m], and its direction.
 
-    The second is another wall, or the first as another corner of the footprint meets it.
+    Where another wall takes over, it is steeper than a distance can be, and counts as far away.
+    """
+    px, py, dx, dy, radius = place
+    d, gx, gy = with_slope(static.field, grid, px, py)
+    square = gx * gx + gy * gy
+    per = 1.0 / math.sqrt(square + 1e-12)
+    nx = per * gx
+    ny = per * gy
+    away = np.float32(d - radius) if square <= 2.0 else NOWHERE
+    return away, (np.float32(nx), np.float32(ny), np.float32(ny * dx - nx * dy))
+
+
+@inlined
+def _sides(static, x, y, within):  # type: ignore[no-untyped-def]
+    """Return the sides of the border nearer to (x, y) than `within` [m] as the two nearest walls."""
+    field, least = static.field, np.float32(within)
+    left, right = np.float32(x - field.left), np.float32(field.right - x)
+    low, high = np.float32(y - field.low), np.float32(field.high - y)
+    found = (least, (ZERO, ZERO, ZERO), least, (ZERO, ZERO, ZERO))
+    found = _with(static, found, min(left, right), (ONE if left < right else -ONE, ZERO, ZERO))
+    return _with(static, found, min(low, high), (ZERO, ONE if low < high else -ONE, ZERO))
+
+
+@kernel
+def _second_wall(static, seen, nearest, one, within):  # type: ignore[no-untyped-def]
+    """Return the nearest wall that is apart from the direction `one` of that of the `nearest` disc, and its direction.
+
+    Groups whose wall is not apart are passed over.
+
+    `seen` are the pose as (x, y, cosine, sine) and the clearance of the least disc there [m].
+    """
+    (x, y, c, s), far = seen
+    field = static.field
+    away, direction = _wall_of(static, field.second, nearest)
+    if away >= within or not apart(static, one, direction):
+        away, direction = np.float32(within), (ZERO, ZERO, ZERO)
+    for j in range(static.groups):
+        if far - _reach(static, j) >= away:
+            break
+        gap, towards = _wall_of(static, field.nearest, _disc(static, j, x, y, c, s))
+        if gap >= away or not apart(static, one, towards):
+            continue
+        if gap >= static.near:
+            away, direction = gap, towards
+            continue
+        for k in _members(static, j):
+            if far - _reach(static, k) >= away:
+                break
+            gap, towards = _wall_of(static, field.nearest, _disc(static, k, x, y, c, s))
+            if gap < away and apart(static, one, towards):
+                away, direction = gap, towards
+    return away, direction
+
+
+@kernel
+def walls_within(static, pose, within):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls at a pose, border included, each as clearance [m] and direction.
+
+    The second is another wall, or the first as another corner of the footprint meets it, farther by less than the
+    footprint's reach. Those farther than `within` [m] count as so far away, in no direction.
     """
     x, y, th = pose
     field = static.field
-    c, s = math.cos(th), math.sin(th)
-    left, right = np.float32(x - field.left), np.float32(field.right - x)
-    low, high = np.float32(y - field.low), np.float32(field.high - y)
-
-    found = (NOWHERE, (NIL, NIL, NIL), NOWHERE, (NIL, NIL, NIL))
-    found = _with(static, found, min(left, right), (UNIT if left < right else -UNIT, NIL, NIL))
-    found = _with(static, found, min(low, high), (NIL, UNIT if low < high else -UNIT, NIL))
+    found = _sides(static, x, y, within)
     far = interpolate(field, field.nearest, x, y)
-    if far - static.around >= static.exact:  # so far away the footprint counts as the circle around it
-        for grid in (field.nearest, field.second):
-            d, direction = _wall_of(static, grid, -1, x, y, c, s)
-            found = _with(static, found, d, direction)
+    if far - static.around >= found[2]:
         return found
-    _, at = nearest_disc(static, begin, x, y, th, far, np.inf)
-    for grid in (field.nearest, field.second):
-        d, direction = _wall_of(static, grid, at, x, y, c, s)
-        found = _with(static, found, d, direction)
-    for k in range(begin, static.size if begin else static.coarse):
-        if far - load_float64(static.rows, ROW * k + 3) >= found[2]:
-            break
-        px, py, _, _, radius = _disc(static, k, x, y, c, s)
-        if interpolate(field, field.nearest, px, py) - radius < found[2]:
-            d, direction = _wall_of(static, field.nearest, k, x, y, c, s)
-            found = _with(static, found, d, direction)
-    return found
+    if far - static.around >= static.exact:  # so far away the footprint counts as the circle around it
+        circle = x, y, 0.0, 0.0, static.around
+        for grid in (field.nearest, field.second):
+            away, direction = _wall_of(static, grid, circle)
+            found = _with(static, found, away, direction)
+        return found
+    clear, at = nearest_disc(static, x, y, th, far, np.float64(found[2]))
+    if at < 0:
+        return found
+    c, s = math.cos(th), math.sin(th)
+    nearest = _disc(static, at, x, y, c, s)
+    _, one = _wall_of(static, field.nearest, nearest)
+    away, direction = _second_wall(static, ((x, y, c, s), far), nearest, one, min(found[2], clear + static.reach))
+    found = _with(static, found, np.float32(clear), one)
+    return _with(static, found, away, direction) if away < min(found[2], NOWHERE) else found
 
 
-@kernel
+@inlined
 def walls(static, pose):  # type: ignore[no-untyped-def]
-    """Return the two nearest walls at a pose, border included, by the tight cover where one is near (`walls_of`)."""
-    found = walls_of(static, 0, pose)
-    return found if found[0] >= static.near else walls_of(static, static.coarse, pose)
+    """Return the two nearest walls at a pose, border included (`walls_within`)."""
+    return walls_within(static, pose, NOWHERE)
 
 
 @borrowing
 def near(static, pose, within, out):  # type: ignore[no-untyped-def]
     """Write those of the two nearest walls that are nearer than `within` [m]; return how many."""
-    c, one, d, other = walls(static, pose)
+    c, one, d, other = walls_within(static, pose, within)
     count = 0
     for k in range(2):
         away, direction = (c, one) if k == 0 else (d, other)
-        if away < within:
+        if away < np.float32(within):
             out[count, 0] = away
             for j in range(3):
                 out[count, 1 + j] = direction[j]
@@ -285,7 +374,7 @@ def refused(static, pose):  # type: ignore[no-untyped-def]
 @kernel
 def _refused(static, x, y, th):  # type: ignore[no-untyped-def]
     far = interpolate(static.field, static.field.nearest, x, y)
-    _, at = nearest_disc(static, static.coarse, x, y, th, far, np.inf)
+    _, at = nearest_disc(static, x, y, th, far, np.inf)
     px, py, _, _, radius = _disc(static, at, x, y, math.cos(th), math.sin(th))
     return BLOCKED if _farthest(static, px, py) < radius - static.excess else UNSURE
 
@@ -345,10 +434,10 @@ def variance_along(direction, cov):  # type: ignore[no-untyped-def]
     return max(planar + 2.0 * gt * (gx * cov[2] + gy * cov[4]) + gt * gt * cov[5], MIN_VARIANCE)
 
 
-@kernel
-def facing(static, pose, cov):  # type: ignore[no-untyped-def]
+@inlined
+def facing(static, pose, known, cov):  # type: ignore[no-untyped-def]
     """Return the clearance at a pose over the share of noise, of a covariance, that a wall faces [m]."""
-    c, one, d, other = walls(static, pose)
+    c, one, d, other = known[3]
     most = max(spread(static, cov, True), MIN_VARIANCE)
     near_one = c / math.sqrt(max(variance_along(one, cov) / most, SIDEWAYS))
     return min(near_one, d / math.sqrt(max(variance_along(other, cov) / most, SIDEWAYS)))
@@ -362,10 +451,9 @@ def goal_gap(world, pose):  # type: ignore[no-untyped-def]
 
 @inlined
 def distances(world, pose):  # type: ignore[no-untyped-def]
-    """Return the clearance from obstacles, that from the border, and the distance to the goal's rim [m]."""
-    edge = border(world.static.field, pose[0], pose[1])
-    free = edge if edge <= 0.0 else _from_obstacles(world.static, pose, np.inf)
-    return free, edge, goal_gap(world, pose)
+    """Return the clearance, that from the border, the distance to the goal's rim [m], and the two nearest walls."""
+    found = walls(world.static, pose)
+    return np.float64(found[0]), border(world.static.field, pose[0], pose[1]), goal_gap(world, pose), found
 
 
 @kernel
@@ -389,13 +477,19 @@ def sweep(world, pose, moved, turn=0.0, clear=0.0):  # type: ignore[no-untyped-d
     arc = math.sqrt((dx * dx + dy * dy) * (1.0 + 0.25 * turn * turn))
     whole = arc + world.static.reach * abs(moved[2] - pose[2])
     reach = arc + world.radius
-    if whole < clear and (world.goal[0] - pose[0]) ** 2 + (world.goal[1] - pose[1]) ** 2 > reach * reach:
-        return INSIDE, 1.0, clear - whole
-    return _march(world, pose, moved, whole, turn, clear)
+    ahead = 0.0
+    if (world.goal[0] - pose[0]) ** 2 + (world.goal[1] - pose[1]) ** 2 > reach * reach:
+        if whole < clear:
+            return INSIDE, 1.0, clear - whole
+        ahead = clearance(world.static, moved)
+        if ahead > 0.0 and whole < clear + ahead:
+            return INSIDE, 1.0, ahead
+    return _march(world, pose, moved, whole, turn, clear, ahead)
 
 
 @kernel
-def _march(world, pose, moved, whole, turn, clear):  # type: ignore[no-untyped-def]
+def _march(world, pose, moved, whole, turn, clear, ahead):  # type: ignore[no-untyped-def]
+    """March what `clear` [m] around the start and `ahead` [m] around the end leave open; 0 where nothing is known."""
     x, y, th = pose
     dx = moved[0] - x
     dy = moved[1] - y
@@ -414,32 +508,27 @@ def _march(world, pose, moved, whole, turn, clear):  # type: ignore[no-untyped-d
             return COLLISION, share, 0.0
         if share >= stop:
             break
+        if ahead > 0.0 and (1.0 - share) * whole < c + ahead:
+            return INSIDE, 1.0, ahead
         share = min(stop, share + max(c, 0.5 * world.static.excess) / max(whole, 1e-300))
     return (GOAL, until, 0.0) if until < NEVER else (INSIDE, 1.0, c)
 
 
-@kernel
-def _survival(static, pose, moved, after, cov):  # type: ignore[no-untyped-def]
-    """Return the probability that a bridge misses the two nearest walls, and its variance towards the nearest [m^2]."""
-    c0, one, d0, other = walls_of(static, static.coarse, pose)
-    first = variance_along(one, cov)
-    if after <= 0.0:
-        return 0.0, first
-    c1, same, d1, _ = walls_of(static, static.coarse, moved)
-    if apart(static, one, same):  # another wall is nearest now
-        c1, d1 = d1, c1
-    return survival(c0, c1, first) * survival(d0, d1, variance_along(other, cov)), first
+@inlined
+def _meet_walls(static, before, after, c0, c1, cov, weighed, state):  # type: ignore[no-untyped-def]
+    """Draw the next state, the share of a step at which a bridge meets a wall or NEVER, and log P(none).
 
-
-@kernel
-def _meet_walls(static, pose, moved, before, after, cov, weighed, state):  # type: ignore[no-untyped-def]
-    """Draw the next state, the share of a step at which a bridge meets a wall or NEVER, and log P(none)."""
-    if after > 0.0:
-        _, one, _, other = walls_of(static, 0, pose)
-        most = max(variance_along(one, cov), variance_along(other, cov))
-        if not may_meet(before, after, TUNING.coarse_noise * FAR * most):
-            return state, NEVER, 0.0
-    alive, variance = _survival(static, pose, moved, after, cov)
+    Its distances before and after it have walls; it is `c0` [m] from the nearest and ends at `c1` [m].
+    """
+    (near0, one, d0, other), (near1, same, d1, _) = before[3], after[3]
+    variance, second = variance_along(one, cov), variance_along(other, cov)
+    if not may_meet(c0, c1, FAR * max(variance, second)):
+        return state, NEVER, 0.0
+    alive = 0.0
+    if c1 > 0.0:
+        if apart(static, one, same):  # another wall is nearest now
+            near1, d1 = d1, near1
+        alive = survival(near0, near1, variance) * survival(d0, d1, second)
     if weighed and alive > 0.0:
         return state, NEVER, math.log(alive)
     u = 1.0
@@ -447,7 +536,7 @@ def _meet_walls(static, pose, moved, before, after, cov, weighed, state):  # typ
         state, u = uniform(state)
     if u < alive:
         return state, NEVER, 0.0
-    state, share = first_crossing(max(before, MIN_VARIANCE), after, math.sqrt(variance), state)
+    state, share = first_crossing(max(c0, MIN_VARIANCE), c1, math.sqrt(variance), state)
     return state, share, 0.0
 
 
@@ -458,21 +547,20 @@ def bridge(world, pose, moved, before, after, cov, weighed, state, line=False): 
     Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the log of the
         probability that it met no wall [nats].
     """
-    (c0, e0, g0), (c1, e1, g1) = before, after
-    c0 = min(c0, e0)
-    c1 = min(c1, e1)
+    c0, g0 = before[0], before[2]
+    c1, g1 = after[0], after[2]
     change = (moved[0] - pose[0], moved[1] - pose[1], moved[2] - pose[2])
     chord = math.sqrt(change[0] * change[0] + change[1] * change[1])
     past_wall = c1 > 0.0 and c0 + c1 < extent(world.static, change)
     past_rim = g1 > 0.0 and g0 + g1 < chord
     if past_wall or past_rim:
-        exit, share, _ = sweep(world, pose, moved)
+        exit, share, _ = sweep(world, pose, moved, 0.0, max(c0, 0.0))
         share = max(share, 1e-9)
         c1 = c0 * (1.0 - 1.0 / share) if past_wall and exit == COLLISION else c1
         g1 = g0 * (1.0 - 1.0 / share) if past_rim and exit == GOAL else g1
     wall_time, goal_time, lasting = NEVER, NEVER, 0.0
     if may_meet(c0, c1, FAR * spread(world.static, cov, line)):
-        state, wall_time, lasting = _meet_walls(world.static, pose, moved, c0, c1, cov, weighed, state)
+        state, wall_time, lasting = _meet_walls(world.static, before, after, c0, c1, cov, weighed, state)
     planar = (cov[0], cov[1], cov[3])
     if may_meet(g0, g1, FAR * (cov[0] + cov[3])):
         step = (pose[0], pose[1], moved[0], moved[1])

@@ -53,8 +53,11 @@ class SpaceKernels(NamedTuple):
     # (static, pose, within, out (near_most, 1 + k or more)): write the walls nearer than `within` [m], clearance and
     # direction away; return how many.
     near: Any
-    distances: Any  # (world, pose): clearance from obstacles, from the border, and distance to the goal's rim [m]
-    # (static, pose, cov): clearance over the share of noise along a line that a wall faces [m]
+    # (world, pose): clearance from obstacles, from the border, distance to the goal's rim [m], and what else the member
+    # keeps for `facing` and `bridge`
+    distances: Any
+    # (static, pose, known, cov): clearance over the share of noise along a line that a wall faces [m]; `known` are the
+    # distances there.
     facing: Any
     spread: Any  # (static, cov, line): most variance of a clearance [m^2]; `line`: of noise along a line
     extent: Any  # (static, change): how far a change of pose moves any point of the footprint at most [m]

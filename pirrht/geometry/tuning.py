@@ -53,9 +53,8 @@ class GeometryTuning(NamedTuple):
     excess: float = 0.01  # by which the discs that cover a polygon reach beyond it, with their field's error [m]
     cover_share: float = 0.55  # of the excess that the discs take; the rest is the field's
     sure: float = 10.0  # so many times the excess a clearance may be for that to hold; beyond, the field is coarser
-    coarse_cover: float = 3.0  # what discs of the coarse cover reach beyond, as a multiple of the excess
-    tight: float = 5.0  # up to so many times the excess a clearance is that of the tight cover
-    coarse_noise: float = 2.0  # by which noise towards a wall may be more than towards discs of the coarse cover
+    group_excess: float = 5.0  # what the circle around a group of discs reaches beyond, as a multiple of the excess
+    tight: float = 10.0  # up to so many times the excess the clearance of a group is that of its discs
     cover_slack: float = 0.2  # by which discs overlap, as a share of what they reach beyond: samples against discs
     cover_candidates: int = 80  # discs tried along each half of an edge
     cells_per_disc: float = 3.0  # spacings of their field in the radius of the least disc at least: else it is no bound

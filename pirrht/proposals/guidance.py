@@ -228,6 +228,7 @@ class DDPGuidance:
         sound = False
 
         begun = course.control[0].copy()
+        first = Course(*map(np.copy, course)), length
         for warmth, rounds in stages:
             if length > 0:
                 most = 0 if short() else rounds
@@ -235,6 +236,13 @@ class DDPGuidance:
                 length, cost, penalised, sound = self.optimise(
                     setup, classes, task, clock, query.key, most, course, length
                 )
+        if length != 0 and not sound and len(stages) > 1 and not short():  # high prices of walls led it astray
+            course, length = first
+            warmth, rounds = stages[-1]
+            task = self.tasks[warmth]
+            length, cost, penalised, sound = self.optimise(
+                setup, classes, task, clock, query.key, rounds, course, length
+            )
         if sound and query.setup.world.moving.J == 0:
             course, (length, cost, penalised, sound) = self._paced(
                 query, course, (length, cost, penalised, sound), paces, short

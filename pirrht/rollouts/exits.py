@@ -99,7 +99,7 @@ def exits(kind: KernelSpec) -> Any:
 
     It takes length and time [s] of a step, what `motion` returns, and what is clear before: distances or clearance. It
     returns the stream's state, exit, share of the step, time [s] for which its noise counts, log probability that no
-    wall was met, and what is clear at its end.
+    wall was met, and what is clear at its end: distances, a clearance, and whether these are the distances there.
     """
     noisy_position, moving, along_line = kind.noisy_position, kind.moving is not None, kind.along_line
     among = kind.moving or NOTHING_MOVES
@@ -108,12 +108,13 @@ def exits(kind: KernelSpec) -> Any:
     space = kind.space
     swings, spread = space.turns and not noisy_position, space.spread
     bridge, sweep, end, distances = space.bridge, space.sweep, space.end, space.distances
+    clearance = space.clearance
     pose, flat, scaled = pose_at(kind.reads), in_plane(len(kind.reads)), pose_noise(kind).scaled
 
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]
         """Judge a step along the Brownian bridge between its ends."""
-        (dt, now), (before, room), weighed = step, clear, tables.weighed
+        (dt, now), (before, room, _), weighed = step, clear, tables.weighed
 
         arena = setup.world
         here = pose(scratch.x)
@@ -137,12 +138,12 @@ def exits(kind: KernelSpec) -> Any:
                 missed += share * alive
         if exit != INSIDE:
             state, until = ended(scratch, arena, dt, exit, share, rates, wall, state)
-        return state, exit, share, until, missed, (after, room)
+        return state, exit, share, until, missed, (after, room, True)
 
     @part
     def on_path(setup, scratch, step, move, clear):  # type: ignore[no-untyped-def]
         """Judge a step without position noise along its path: exit, share, and what is clear at its end."""
-        (dt, now), (arrived, ahead, turn, _), (before, room) = step, move, clear
+        (dt, now), (arrived, ahead, turn, _), (before, room, _) = step, move, clear
 
         here = pose(scratch.x)
         there = pose(scratch.moved)
@@ -155,23 +156,30 @@ def exits(kind: KernelSpec) -> Any:
             hit = sweep_among(setup.world.moving, scratch.watch, way, now, dt, share)
             if hit <= share:
                 exit, share = COLLISION, hit
-        return exit, share, (before, room)
+        return exit, share, (before, room, False)
 
     @part
     def on_swing(setup, tables, scratch, dt, rates, clear, ahead, state):  # type: ignore[no-untyped-def]
         """Judge a step whose noise turns the footprint on its way: exit, share, log probability that no wall was met.
 
-        `clear` [m] is free before it, `ahead` after it, as far as is known.
+        `clear` is what is free before it, `ahead` after it, as far as is known; it returns the latter, too.
         """
         cov = scaled(rates, dt)
-        if min(clear, ahead) > 0.0 and 2.0 * clear * ahead > FAR * spread(setup.world.static, cov, False):
-            return state, INSIDE, 1.0, 0.0
+        arena, (before, room, known), (_, left, _) = setup.world, clear, ahead
+        room = max(room, before[0]) if known else room
+        most = FAR * spread(arena.static, cov, False)
+        if min(room, left) > 0.0 and 2.0 * room * left > most:
+            return state, INSIDE, 1.0, 0.0, ahead
         here = pose(scratch.x)
         there = pose(scratch.moved)
-        before = distances(setup.world, here)
-        return bridge(
-            setup.world, here, there, before, distances(setup.world, there), cov, tables.weighed, state, False
-        )
+        left = max(left, clearance(arena.static, there))
+        if min(room, left) > 0.0 and 2.0 * room * left > most:
+            return state, INSIDE, 1.0, 0.0, (before, left, False)
+        after = distances(arena, there)
+        ahead = (after, max(left, after[0]), True)
+        before = before if known else distances(arena, here)
+        state, exit, share, missed = bridge(arena, here, there, before, after, cov, tables.weighed, state, False)
+        return state, exit, share, missed, ahead
 
     @part
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]
@@ -181,13 +189,13 @@ def exits(kind: KernelSpec) -> Any:
             exit = end(setup.world, there)
             if moving and clearance_among(setup.world.moving, there[0], there[1], now + dt) <= 0.0:
                 exit = COLLISION
-            return state, exit, 1.0, until, 0.0, (distances(setup.world, there), clear[1])
+            return state, exit, 1.0, until, 0.0, (distances(setup.world, there), clear[1], True)
         if noisy_position:
             return on_bridge(setup, tables, scratch, step, move[3], clear, state)
         exit, share, after = on_path(setup, scratch, step, move, clear)
         missed = 0.0
         if swings and exit == INSIDE:
-            state, exit, share, missed = on_swing(setup, tables, scratch, dt, move[3], clear[1], after[1], state)
+            state, exit, share, missed, after = on_swing(setup, tables, scratch, dt, move[3], clear, after, state)
         return state, exit, share, until, missed, after
 
     return judge

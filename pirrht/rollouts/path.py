@@ -324,7 +324,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
         stretch = 0.0, -1.0, 0.0  # exposure to walls, and what `expose` judges it by
         known = (covariance(scratch.B), False, no_walls)
-        clear = (distances(setup.world, pose(x)), 0.0)
+        clear = (distances(setup.world, pose(x)), 0.0, True)
 
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0

@@ -129,7 +129,7 @@ def gap_for(kind: KernelSpec) -> Any:
     def gap_of(scratch, static, before, rates, close):  # type: ignore[no-untyped-def]
         gap = min(before[0], before[1])
         if along_line:
-            gap = min(facing(static, pose(scratch.x), rates), before[1])
+            gap = min(facing(static, pose(scratch.x), before, rates), before[1])
         gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
         return max(gap, 0.0), math.sqrt(spread(static, rates, along_line))
 
@@ -164,7 +164,7 @@ def length_for(kind: KernelSpec) -> Any:
         gap = before[0]
 
         if along_line and gap > 0.0 and scale * gap * gap < left:
-            gap = facing(arena.static, pose(scratch.x), rates)
+            gap = facing(arena.static, pose(scratch.x), before, rates)
         if moving:
             gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
         return max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0), scale

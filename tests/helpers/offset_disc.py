@@ -85,7 +85,7 @@ def distances(world, pose):
 
 
 @inlined
-def facing(static, pose, cov):
+def facing(static, pose, known, cov):
     return max(clearance(static, pose), 0.0)
 
 

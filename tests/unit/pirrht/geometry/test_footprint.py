@@ -12,7 +12,7 @@ from pirrht.geometry import blocks, solids
 from pirrht.geometry.collision import solid_of
 from pirrht.geometry.footprint import cover, depths, placed
 from pirrht.geometry.hulls import HullCollision
-from pirrht.geometry.polygon import POLYGON, Polygon, certify_turn, clearances, walls_of
+from pirrht.geometry.polygon import POLYGON, Polygon, certify_turn, clearances, walls
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.space import BLOCKED, COLLISION, FREE, INSIDE, NEVER
 from pirrht.geometry.world import World
@@ -165,7 +165,7 @@ def test_the_direction_of_a_wall_is_the_gradient_of_the_clearance():
     polygon = Polygon.of(world, CART, range(len(world.obstacles)))
     step, checked, off = 1e-4 * np.eye(3), 0, 0
     for pose in poses_in(world, 4000, 2):
-        c, direction, d, _ = walls_of(polygon, polygon.coarse, tuple(pose))
+        c, direction, d, _ = walls(polygon, tuple(pose))
         if 0.01 < c < 0.04 and d - c > 0.03:
             ahead, behind = np.empty(3), np.empty(3)
             clearances(polygon, pose + step, ahead)

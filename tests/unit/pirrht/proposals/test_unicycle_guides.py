@@ -139,3 +139,18 @@ def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
     assert warm.penalised == pytest.approx(fresh.penalised, abs=1e-4)
     assert rest.length == pytest.approx(references[0][0].length, abs=0.5)
     assert last.rest(100.0, problem.scene.goal.center) is None
+
+
+def test_a_course_that_high_prices_of_walls_lead_astray_is_begun_anew_at_the_true_price(monkeypatch):
+    problem, space, references = case(True, 0.03, 4.5)
+    integral, x = path_integral(problem, space, Sampling()), problem.scene.start
+    times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
+    guidance, (trajectory, winding) = integral.guidance, references[0]
+    expected = valid(integral, x, times, winding, trajectory)
+    optimise = guidance.optimise
+
+    def lost(setup, classes, task, *rest):
+        return optimise(setup, classes, task, *rest) if task is guidance.tasks[1.0] else (-1, np.inf, np.inf, False)
+
+    monkeypatch.setattr(guidance, "optimise", lost)
+    assert valid(integral, x, times, winding, trajectory).penalised == pytest.approx(expected.penalised, rel=1e-3)
