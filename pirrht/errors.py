@@ -37,12 +37,13 @@ class NoReference(PirrhtError):
 
     `limit` is that of |1 - H_i| [turns], `blocked` the nearest blocked signature (M,) [turns], if one was given;
     `hasty` whether a class does from the same place at rest, so that the speed is the reason. `margin` is that of the
-    plan [m], if it is the reason, and `left` one that leaves a path.
+    plan [m], if it is the reason, and `left` one that leaves a path. `narrow` says where a robot with corners gets
+    stuck.
     """
 
     def __init__(
         self, state: Sequence[float], *, vertices: int, limit: float, blocked: Sequence[float] | None = None,
-        hasty: bool = False, margin: float = 0.0, left: float | None = None,
+        hasty: bool = False, margin: float = 0.0, left: float | None = None, narrow: str | None = None,
     ) -> None:  # fmt: skip
         self.state = tuple(map(float, state))
         self.vertices = vertices
@@ -50,6 +51,7 @@ class NoReference(PirrhtError):
         self.hasty = hasty
         self.margin = margin
         self.left = left
+        self.narrow = narrow
         self.blocked = None if blocked is None else tuple(map(float, blocked))
         where = ", ".join(f"{s:.3g}" for s in self.state)
         signature = "" if self.blocked is None else ", ".join(f"{h:.3g}" for h in self.blocked)
@@ -64,6 +66,8 @@ class NoReference(PirrhtError):
                 "hardly any path brakes or turns in time. Try more vertices, start slower, or further from what is "
                 "ahead."
             )
+        if narrow is not None:
+            text = f"no path from ({where}) to the goal: {narrow}. Try a smaller footprint or more vertices."
         if left is not None:
             keeps = f"keeps the margin of {margin:g} m. A margin of {left:.3g} m leaves one."
             narrow = "is wide enough for the robot, even without a margin. Try a smaller radius."

@@ -109,6 +109,12 @@ class Problem:
         """R at x (n,), (m, m); u'Ru/2 is in [cost/s]."""
         return np.asarray(self.R(x), dtype=float) if callable(self.R) else self.R
 
+    def clearance_spread(self, x: Array) -> float:
+        """Deviation that noise gives the clearance of the footprint at x (n,) at most [m/sqrt(s)]."""
+        d, footprint = self.dynamics, self.scene.footprint
+        swing = 0.0 if footprint.is_disc else footprint.reach * d.heading_spread(x)
+        return d.position_spread(x) + swing
+
     def _temperature(self) -> float:
         """The scalar lambda of `lambda G R^-1 G' = B B'`, or of `lambda R^-1 = s s'`; else NotLinearlySolvable."""
         value, d, name = np.nan, self.dynamics, type(self.dynamics).__name__

@@ -116,11 +116,14 @@ class System:
         if self.steering is not None:
             return self._made("steering", problem)
         from pirrht.steering.straight_line import StraightLine, Tracked
+        from pirrht.steering.turn_and_go import TurnAndGo
         from pirrht.traits import Traits
 
         try:
-            isotropic = Traits.of(problem).isotropic_point
-            return StraightLine.of(problem) if isotropic else Tracked.of(problem, self.pace)
+            if Traits.of(problem).isotropic_point:
+                return StraightLine.of(problem)
+            kind = Tracked if problem.scene.footprint.is_disc else TurnAndGo
+            return kind.of(problem, self.pace)
         except OptionError as error:
             raise OptionError(f"system {self.name}: {error}") from None
 

@@ -17,6 +17,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Law
 from pirrht.estimation.risk import CLOSEST
+from pirrht.geometry.world import steepest
 from pirrht.proposals.wall_drift import WallDrift
 
 THROW = 2.2  # deviations of a step off a wall at most; at a flat wall 5 % more collisions than without the limit
@@ -31,12 +32,12 @@ class HeldLaw:
     law: Law
     walls: WallDrift
     step: float  # time for which a control is held [s]
-    deviation: float  # of the position after it [m]
+    deviation: float  # of the clearance after it [m]
 
     @classmethod
     def of(cls, law: Law, walls: WallDrift, step: float, x: Array) -> Self:
         """Limit a law that is held for a step [s] near x (n,)."""
-        deviation = walls.problem.dynamics.position_spread(x) * math.sqrt(step)
+        deviation = walls.problem.clearance_spread(x) * math.sqrt(step)
         return cls(law=law, walls=walls, step=step, deviation=deviation)
 
     def __call__(self, x: Array, s: float) -> Array:
@@ -68,9 +69,11 @@ class HeldLaw:
                     rest -= self.step * float(row[3:5] @ away[:2])
             wanted -= min(rest, 0.0) * (1.0 - max(c, 0.0) / near)
         wanted = min(wanted, most)
-        along = self.step * (G @ u) - thrown * away
-        change = (wanted - thrown) * away
-        far = math.hypot(*along)
+        off = steepest(away)
+        along = self.step * (G @ u) - thrown * off
+        change = (wanted - thrown) * off
+        swing = self.walls.problem.scene.footprint.reach * along[2:]  # of corners
+        far = math.hypot(*along[:2], *swing)
 
         if far > THROW * self.deviation:  # a law that is rough at walls
             change += (THROW * self.deviation / far - 1.0) * along

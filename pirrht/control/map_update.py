@@ -33,7 +33,7 @@ def renewed(
             f"an update changes static obstacles, and {len(scene.movers or before.movers)} move here; make another "
             "Controller"
         )
-    parts = "lower", "upper", "robot_radius", "robot_height"
+    parts = "lower", "upper", "footprint", "robot_height"
     alike = all(np.array_equal(getattr(before, part), getattr(scene, part)) for part in parts)
     if alike and len(before.obstacles) == len(scene.obstacles) and all(map(_same, before.obstacles, scene.obstacles)):
         return None

@@ -10,8 +10,9 @@ within d of the wall with a chance of r d (`Paths.exposure`, small d) then colli
 
 m being a margin between walls that plans keep from and those that are hit. The wall seems nearer by d, as a barrier
 does at which one looks from time to time only (Broadie, Glasserman and Kou 1997). Fewer held paths are near the wall,
-so this is a bound, to first order in sqrt(h). It holds where noise acts on the position. Where it acts on derivatives
-of it, a held step ends off its path by O(h^(3/2)), and nothing is added.
+so this is a bound, to first order in sqrt(h). It holds where noise acts on the position, or on the heading of a robot
+with corners: b is then the most that noise moves its outline. Where it acts on derivatives of them, a held step ends
+off its path by O(h^(3/2)), and nothing is added.
 
 Samples head for the goal. A law that ends in a wall on purpose, which is optimal where phi is less than the cost to go,
 is not among them. But psi is psi_goal, the part of paths that arrive, and that of others, which is exp(-phi / lambda)
@@ -84,7 +85,7 @@ def collision_probability(
         classes: additive class keys to names.
         margins: those of single classes, by additive key [m].
     """
-    noise = problem.dynamics.position_spread(estimate.rollouts.origin.x)
+    noise = problem.clearance_spread(estimate.rollouts.origin.x)
     paths, log_weight, first = all_samples(estimate.parts)
     per_exposure = np.zeros(len(log_weight))
     if noise > 0.0:

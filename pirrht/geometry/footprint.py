@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -103,7 +104,7 @@ class Footprint:
     @property
     def inscribed(self) -> float:
         """Return the radius of the largest disc about the reference point that lies inside [m]."""
-        return self.rounding if self.is_disc else self.rounding - float(depths(self.hull, np.zeros((1, 2)))[0])
+        return self.rounding + _measures(self.corners)[0]
 
     @property
     def radius(self) -> float:
@@ -113,7 +114,7 @@ class Footprint:
     @property
     def reach(self) -> float:
         """Return the distance of its farthest point from the reference point [m]."""
-        return self.rounding + float(np.hypot(*self.hull.T).max())
+        return self.rounding + _measures(self.corners)[1]
 
     @property
     def outline(self) -> Array:
@@ -138,6 +139,14 @@ class Footprint:
     def grown(self, margin: float) -> Footprint:
         """Return the footprint that is larger by a margin [m] all around; less than 0 takes off what was added."""
         return replace(self, rounding=self.rounding + margin)
+
+
+@cache
+def _measures(corners: Corners) -> tuple[float, float]:
+    """Return how near to the origin the edges of a hull come, and how far from it a corner lies [m]."""
+    hull = np.array(corners)
+    depth = 0.0 if len(corners) == 1 else -float(depths(hull, np.zeros((1, 2)))[0])
+    return depth, float(np.hypot(*hull.T).max())
 
 
 def placed(points: Array, pose: Array) -> Array:

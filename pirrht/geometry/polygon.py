@@ -584,4 +584,5 @@ POLYGON = SpaceKernels(
     position=2, turns=True, isotropic=False, near_most=2, clearance=clearance, place=place, walls=walls, near=near,
     distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep, bridge=bridge, end=end, exit=None,
     rim=rim, certify=certify, certify_place=certify_place, certify_piece=certify_piece, certify_curve=certify_curve,
+    certify_turn=certify_turn,
 )  # fmt: skip

@@ -81,6 +81,7 @@ class SpaceKernels(NamedTuple):
     certify_piece: Any
     # (static, start (3,), curvature (P,), length (P,), patient): a curve of `Curves`, headed along it
     certify_curve: Any
+    certify_turn: Any = None  # (static, pose, turn, patient): a turn [rad] on the spot; None without a heading
 
 
 class Space(Protocol):

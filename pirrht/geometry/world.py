@@ -171,8 +171,13 @@ class World(NamedTuple):
                     c = row[0]
                     away[:2], away[2:] = row[1:3], 0.0
             x = x.copy()
-            x[at] += (gap - c) * away
+            x[at] += (gap - c) * steepest(away)
         return x
+
+
+def steepest(direction: Array) -> Array:
+    """Return the change of pose (k,) along a direction, a gradient of clearance, that raises clearance by 1 m."""
+    return direction if len(direction) == 2 else direction / max(float(direction @ direction), 1e-12)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 tree         `HomologyTree`: Algorithms 1 (Expansion), 2 (ChooseParent) and 3 (Rewire), to be read from top to bottom
 limits       `grown_tree`: a tree within the least limit that keeps short classes
+narrow_place where the tree of a robot with corners ends, for messages
 references   Algorithm 5 (ExtractReference): paths of all classes, shortened by the steering method
 expand       Algorithm 1 for many draws in one kernel, and draws in passages
 rewire       Algorithms 2 and 3 in kernels: classes that a vertex keeps (AppendNode), and the search over the queue

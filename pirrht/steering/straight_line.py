@@ -187,3 +187,15 @@ def _moving(problem: Problem, speed: float) -> Array | None:
             x[d.states.index(name)] = speed
             return x
     return None
+
+
+def velocity_at(problem: Problem, speed: float) -> float:
+    """Return how fast a system moves along its heading that is to move at a speed, either sign [m/s]."""
+    d = problem.dynamics
+    x = _moving(problem, speed)
+    start = d.state_of(problem.scene.start)
+    if x is None:
+        controlled = d.place(d.whole(d.G_c(start))).any()
+        return speed if controlled else float(np.hypot(*d.place(d.f(start))))
+    heading = x[d.angles[0]]
+    return float(d.place(d.f(x)) @ np.array([math.cos(heading), math.sin(heading)]))

@@ -8,6 +8,11 @@ class SteeringTuning(NamedTuple):
 
     # Headings at the goal point from which a tree of poses starts. More of them cost vertices; 16 leave 11 degrees.
     root_headings: int = 16
+    # Headings at the goal point of a robot with corners that turns on the spot: what arrives there turns no more.
+    arrivals: int = 4
+    # Share of the poses drawn for such a robot, and headings tried, that are turned to the most clearance.
+    aligned_share: float = 0.5
+    aligned_headings: int = 16
     # Piece of constant control into which a mass' acceleration is divided [s]: the step of rollouts is no shorter.
     control_piece: float = 0.05
     # Side of the polyline that stands for a cubic where the clearance field certifies nothing [m]: FCL's resolution.

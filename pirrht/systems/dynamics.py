@@ -200,6 +200,10 @@ class Dynamics:
         fixed = self.n - self.rows
         return self.B_c(x)[[i - fixed for i in self.position if i >= fixed]]
 
+    def heading_spread(self, x: Array) -> float:
+        """Deviation that noise gives the heading at x (n,) [rad/sqrt(s)]; 0 without a heading."""
+        return float(np.hypot.reduce(self.whole(self.B_c(x))[list(self.angles[:1])].ravel(), initial=0.0))
+
     def whole(self, block: Array) -> Array:
         """Return the rows (n, m) of all states of a block of the last ones (rows, m); others are zero."""
         return np.vstack([np.zeros((self.n - len(block), block.shape[1])), block])

@@ -8,7 +8,8 @@ that of u along u*. A bad state is one where more than a tenth of the plans lie 
 Truth has an error of its own: the last lines hold it against a grid of half the spacing in the first scene, and
 tell the greatest difference there, and the greatest in standard errors of a plan (under `over 3`).
 With --part car truth is a million samples, see `calibration_car`; with --part moving obstacles move, see
-`calibration_moving`; with --part mazes scenes are mazes, see `calibration_mazes`.
+`calibration_moving`; with --part mazes scenes are mazes, see `calibration_mazes`; with --part rectangle the robot is
+one, see `calibration_rectangle`.
 """
 
 import argparse

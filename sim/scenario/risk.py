@@ -121,7 +121,7 @@ class RiskSearch:
     def _wider(self, plan: StartPlan) -> float:
         """Return by how much a margin must be wider by a plan's own samples [m], as far as they say."""
         scenario = plan.scenario
-        spread = scenario.problem.dynamics.position_spread(scenario.start)
+        spread = scenario.problem.clearance_spread(scenario.start)
         count = math.ceil(WIDEST * spread * math.sqrt(scenario.held) / FINEST)
 
         def keeps(steps: int) -> bool:

@@ -23,6 +23,7 @@ from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.fitting import waived_along
 from pirrht.planner.limits import grown_tree
+from pirrht.planner.narrow_place import narrow_place
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -233,11 +234,14 @@ class Scenario:
             left = self.space.margin_left(self.start)
             own = self.space.scene.margin - self.margin  # of the footprint
 
+            known = {"vertices": tree.size, "limit": tree.limit}
             if left is None:
-                raise
+                if (place := narrow_place(tree, self.start)) is None:
+                    raise
+                narrow = place.says(self.space.scene.footprint)
+                raise NoReference(error.state, narrow=narrow, **known) from None
             left = math.floor(1e3 * max(left - own, 0.0)) / 1e3
-            known = {"vertices": tree.size, "limit": tree.limit, "margin": self.margin, "left": left}
-            raise NoReference(error.state, **known) from None
+            raise NoReference(error.state, margin=self.margin, left=left, **known) from None
 
     def optimal(self, truth: Desirability | None = None, progress: Progress = ignore_progress) -> Optimal:
         """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before."""

@@ -1,10 +1,13 @@
 """Footprints with a heading: their cover by discs, clearances against FCL, and certificates of motions."""
 
+from dataclasses import replace
+
 import fcl
 import numpy as np
 import pytest
 
 from pirrht import Footprint, FreeSpace, OptionError, Problem, Scene, SceneError, SingleIntegrator
+from pirrht.control.map_update import renewed
 from pirrht.geometry import blocks, solids
 from pirrht.geometry.collision import solid_of
 from pirrht.geometry.footprint import cover, depths, placed
@@ -13,6 +16,7 @@ from pirrht.geometry.polygon import POLYGON, Polygon, certify_turn, clearances, 
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.space import BLOCKED, COLLISION, FREE, INSIDE, NEVER
 from pirrht.geometry.world import World
+from pirrht.systems.rover import Rover
 
 SIDE, SLICE = 5.0, 0.02  # of the workspace, and height of the prism that FCL gets [m]
 CART = Footprint.rectangle(1.0, 0.4, 0.1)
@@ -123,6 +127,26 @@ def test_no_clearance_is_unsafe_by_fcl_nor_off_by_more_than_a_centimetre_where_w
     assert not np.any((verdicts == BLOCKED) & ~contact)
 
 
+@pytest.mark.parametrize("shape", [Footprint.rectangle(4.5, 1.8, 1.35), CART.grown(0.05)], ids=repr)
+def test_a_long_car_and_a_rounded_cart_meet_what_prisms_in_and_around_them_meet(shape: Footprint):
+    """2 000 poses; the arcs of an outline lie between the rounding and its chords."""
+    scale = 1.0 / np.cos(np.pi / 30.0) if shape.rounding else 1.0
+    around = shape.hull if not shape.rounding else replace(shape, rounding=scale * shape.rounding).outline
+    world = clutter(3, boxes=1, poles=2) if shape.reach > 1.0 else clutter(3)
+    poses = poses_in(world, 2000, 7)
+    polygon, exact = Polygon.of(world, shape, range(len(world.obstacles))), HullCollision(world, shape)
+    quick = np.empty(len(poses))
+    clearances(polygon, poses, quick)
+    inner, outer = (fcl_contacts(world, Footprint.polygon(hull), poses) for hull in (shape.outline, around))
+    true = exact.clearance(poses)
+    assert not np.any((true > 0.0) & inner)
+    assert not np.any((true <= 0.0) & ~outer)
+    assert not np.any((quick > 0.0) & inner)
+    near = (true > 0.0) & (true < 0.05)
+    assert near.sum() > 10
+    assert (true - quick)[near].max() <= 0.01
+
+
 def test_a_pole_thinner_than_a_finger_is_met_wherever_it_is_in_the_footprint():
     lattice = np.stack(np.meshgrid(np.linspace(-0.39, 0.59, 50), np.linspace(-0.19, 0.19, 20)), axis=-1).reshape(-1, 2)
     world = Workspace(np.zeros(2), np.full(2, SIDE), solids.discs([[2.5, 2.5, 0.003]], 0.5))
@@ -216,3 +240,19 @@ def test_a_polygon_needs_a_heading_and_free_room_at_the_start_for_that_heading()
     assert FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 0.0), **room)).static.kernels.turns
     with pytest.raises(SceneError, match="at its heading"):
         FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 1.5), **room))
+
+
+def test_noise_of_the_heading_moves_corners_and_a_plan_begins_off_the_wall_by_what_it_wants():
+    room = {"lower": (0, 0), "upper": (5, 5), "start": (2, 3, 0.35), "goal": (4, 4, 0.3)}
+    scene = Scene.from_boxes([[0.0, 0.0, 5.0, 1.0]], footprint=CART, **room)
+    disc = Scene.from_boxes([[0.0, 0.0, 5.0, 1.0]], robot_radius=0.2, **room)
+    cart, puck = (Problem(dynamics=Rover(b=0.1), scene=one, R=np.diag([2.0, 0.5])) for one in (scene, disc))
+    assert cart.clearance_spread(scene.start) == pytest.approx(0.1 + 0.2 * CART.reach)
+    assert puck.clearance_spread(scene.start) == pytest.approx(0.1)
+    space, deep = FreeSpace.of(scene), np.array([2.0, 1.32, 0.35])
+    assert -0.02 < space.world.clearance(tuple(deep)) < 0.0
+    moved = space.world.off_walls(deep, (0, 1, 2), 0.0, 0.002)
+    assert 0.0 < space.clearance(moved, (0, 1, 2)) < 0.012
+    longer = replace(scene, footprint=Footprint.rectangle(1.2, 0.4, 0.1))
+    assert renewed(cart, space, None, scene, None) is None
+    assert renewed(cart, space, None, longer, None) is not None

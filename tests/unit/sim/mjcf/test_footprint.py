@@ -146,5 +146,5 @@ def test_a_tree_of_another_footprint_is_refused(tmp_path):
     with file.open("wb") as stream:
         tree_file.save(one.grown_tree(), stream)
     tree_file.load(str(file), one.space, one.steering())
-    with pytest.raises(OptionError, match="footprint is"):
+    with pytest.raises(OptionError, match="another task"):
         tree_file.load(str(file), other.space, other.steering())

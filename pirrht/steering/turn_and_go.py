@@ -1,0 +1,275 @@
+"""Connect poses by a turn, a straight line and a turn: references of robots with corners that have no steering.
+
+A robot that is no disc is free in some headings only, so the tree of its references has poses for vertices. Along a
+line the robot is headed forwards, or backwards if it can reverse and then turns less. At its ends it turns on the spot,
+over all headings in between: what drives the reference later may turn on an arc near there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.arcs import TWO_PI, Curves
+from pirrht.geometry.scene import Scene
+from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
+from pirrht.jit.jit import inlined, kernel, part
+from pirrht.problem import Problem
+from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Surroundings
+from pirrht.steering.straight_line import Tracked, velocity_at
+from pirrht.steering.tuning import TUNING
+
+
+class Turned(NamedTuple):
+    """k straight lines with turns at both ends, one row each; `Curves` with what they cost."""
+
+    start: Array  # (k, 3) x, y [m], heading of travel [rad]
+    curvature: Array  # (k, 1) 0
+    length: Array  # (k, 1) [m]
+    cost: Array  # (k,) [cost]
+    tails: Array  # (k, 3) first poses
+    heads: Array  # (k, 3) last poses
+    price: Array  # (k, 2) cost per meter and per radian
+
+    def points(self, spacing: float) -> list[Array]:
+        """Each line as its ends (2, 2) [m]."""
+        return Curves(*self[:6]).points(spacing)
+
+
+@inlined
+def wrapped(angle):  # type: ignore[no-untyped-def]
+    """Return an angle in [-pi, pi)."""
+    return angle - TWO_PI * math.floor((angle + math.pi) / TWO_PI)
+
+
+@inlined
+def turns_of(way, before, after):  # type: ignore[no-untyped-def]
+    """Return the angle that a heading along a line, between two others, takes at its ends [rad]."""
+    return abs(wrapped(way - before)) + abs(wrapped(after - way))
+
+
+@inlined
+def backwards(way, before, after, reverses):  # type: ignore[no-untyped-def]
+    """Return whether driving a line backwards takes less turning."""
+    return bool(reverses) and turns_of(way + math.pi, before, after) < turns_of(way, before, after)
+
+
+@inlined
+def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
+    dx = head[0] - tail[0]
+    dy = head[1] - tail[1]
+    least = math.sqrt(dx * dx + dy * dy) * numbers[0]
+    if least >= limit:
+        return np.inf
+    way = math.atan2(dy, dx) if least > 0.0 else tail[2]
+    turn = turns_of(way, tail[2], head[2])
+    if numbers[2] > 0.0:
+        turn = min(turn, turns_of(way + math.pi, tail[2], head[2]))
+    return least + numbers[1] * turn
+
+
+@kernel
+def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """Connect each pair; the numbers are the costs per meter and radian, and 1 for a robot that reverses, else 0."""
+    k = tails.shape[0]
+
+    start = np.empty((k, 3))
+    curvature = np.zeros((k, 1))
+    length = np.empty((k, 1))
+    cost = np.empty(k)
+    price = np.empty((k, 2))
+
+    for i in range(k):
+        dx = heads[i, 0] - tails[i, 0]
+        dy = heads[i, 1] - tails[i, 1]
+        length[i, 0] = math.sqrt(dx * dx + dy * dy)
+        way = math.atan2(dy, dx) if length[i, 0] > 0.0 else tails[i, 2]
+
+        start[i, 0] = tails[i, 0]
+        start[i, 1] = tails[i, 1]
+        start[i, 2] = way
+        price[i, 0] = numbers[0]
+        price[i, 1] = numbers[1]
+
+        heading = way + math.pi if backwards(way, tails[i, 2], heads[i, 2], numbers[2] > 0.0) else way
+        cost[i] = length[i, 0] * numbers[0] + numbers[1] * turns_of(heading, tails[i, 2], heads[i, 2])
+    return Turned(start, curvature, length, cost, tails, heads.copy(), price)
+
+
+@cache
+def lines_with_turns(reverses: bool) -> MotionKind:
+    """Return the kind of motions, of robots that reverse or do not."""
+
+    @inlined
+    def heading_along(motions, i):  # type: ignore[no-untyped-def]
+        way = motions.start[i, 2]
+        back = backwards(way, motions.tails[i, 2], motions.heads[i, 2], reverses)
+        return wrapped(way + math.pi) if back else way, back
+
+    @inlined
+    def end_of(motions, i):  # type: ignore[no-untyped-def]
+        length = motions.length[i, 0]
+        x, y, way = motions.start[i, 0], motions.start[i, 1], motions.start[i, 2]
+        return x + length * math.cos(way), y + length * math.sin(way)
+
+    @part
+    def cut(motions, i, s):  # type: ignore[no-untyped-def]
+        """End a motion at s [m], as it is headed there: it has arrived."""
+        heading, _ = heading_along(motions, i)
+        motions.heads[i, 2] = heading
+        motions.length[i, 0] = min(motions.length[i, 0], s)
+        turn = abs(wrapped(heading - motions.tails[i, 2]))
+        motions.cost[i] = motions.price[i, 0] * motions.length[i, 0] + motions.price[i, 1] * turn
+
+    @kernel
+    def between(motions, i, share, out):  # type: ignore[no-untyped-def]
+        length = share * motions.length[i, 0]
+        way = motions.start[i, 2]
+        out[0] = motions.start[i, 0] + length * math.cos(way)
+        out[1] = motions.start[i, 1] + length * math.sin(way)
+        out[2], _ = heading_along(motions, i)
+        return True
+
+    @cache
+    def certify_for(space: SpaceKernels) -> Any:
+        certify_piece, certify_turn = space.certify_piece, space.certify_turn
+
+        @kernel
+        def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+            static = around.static
+            heading, back = heading_along(motions, i)
+            x, y, _ = motions.start[i]
+            ex, ey = end_of(motions, i)
+            verdict = FREE
+            if motions.length[i, 0] > 0.0:
+                verdict = certify_piece(static, (ex, ey), (x, y), patient) if back else certify_piece(
+                    static, (x, y), (ex, ey), patient
+                )  # fmt: skip
+            if verdict == FREE or (patient and verdict != BLOCKED):
+                turn = wrapped(heading - motions.tails[i, 2])
+                verdict = min(verdict, certify_turn(static, (x, y, motions.tails[i, 2]), turn, patient))
+            if verdict == FREE or (patient and verdict != BLOCKED):
+                turn = wrapped(motions.heads[i, 2] - heading)
+                verdict = min(verdict, certify_turn(static, (ex, ey, heading), turn, patient))
+            return verdict
+
+        return certify
+
+    def kernels(around: Surroundings) -> MotionKernels:
+        curves, certify = ARCS.kernels(around), certify_for(around.static.kernels)
+        return MotionKernels(curves.entry, cut, certify, curves.pairs, curves.most, between)
+
+    def free(motions: Turned, i: int, space: FreeSpace) -> bool:
+        heading, back = heading_along(motions, i)
+        collision: Any = space.collision
+        tail, head = motions.start[i, :2], np.array(end_of(motions, i))
+        pieces = np.array([head, tail] if back else [tail, head])
+        first = np.append(tail, motions.tails[i, 2])
+        return bool(
+            (motions.length[i, 0] == 0.0 or collision.segments_free(pieces[:1], pieces[1:])[0])
+            and collision.turn_free(first, wrapped(heading - first[2]))
+            and collision.turn_free(np.append(head, heading), wrapped(motions.heads[i, 2] - heading))
+        )
+
+    return MotionKind(kernels, free, ARCS.trajectory)
+
+
+@cache
+def _alignment(clearance: Any, place: Any) -> Any:
+    """Build the kernel that turns poses (k, 3), in place, to the heading of most clearance out of some."""
+
+    @kernel
+    def align(static, poses, headings):  # type: ignore[no-untyped-def]
+        for i in range(poses.shape[0]):
+            x, y = poses[i, 0], poses[i, 1]
+            if place(static, (x, y)) > 0.0:
+                continue
+            first, best = poses[i, 2], -np.inf
+            for k in range(headings):
+                heading = wrapped(first + k * TWO_PI / headings)
+                c = clearance(static, (x, y, heading))
+                if c > best:
+                    best = c
+                    poses[i, 2] = heading
+
+    return align
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TurnAndGo(Tracked):
+    """A turn, a straight line at one pace and a turn between poses, for systems with a heading that move otherwise."""
+
+    cost_per_radian: float  # [cost/rad]
+    reverses: bool  # whether the system can drive backwards
+    read: tuple[int, ...]  # indices of its states that are the position and the heading
+
+    n = 3
+    heading = 2
+    symmetric = False
+    cost = _cost
+    optimum = _connect
+
+    @classmethod
+    def of(cls, problem: Problem, pace: float | None = None) -> TurnAndGo:
+        """Take lines for any problem with a heading at a pace [m/s], as `Tracked.of`; a turn costs its widest arc."""
+        lines, d = Tracked.of(problem, pace), problem.dynamics
+        kept = {field.name: getattr(lines, field.name) for field in fields(Tracked)}
+        return cls(
+            **kept, cost_per_radian=lines.cost_per_meter * problem.scene.footprint.reach,
+            reverses=velocity_at(problem, -1.0) < 0.0, read=(*d.position, d.angles[0]),
+        )  # fmt: skip
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return the costs per meter and radian, and 1 if it reverses."""
+        return self.cost_per_meter, self.cost_per_radian, float(self.reverses)
+
+    @property
+    def motion(self) -> MotionKind:  # type: ignore[override]
+        """Return its kind of motions."""
+        return lines_with_turns(self.reverses)
+
+    def vertex_of(self, x: Array) -> Array:
+        """The pose (..., 3) of a state (..., n); a pose has no more."""
+        return np.ascontiguousarray(x[..., list(self.read)])
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """Draw a pose (3,), uniform in the workspace [m] and in heading [rad]."""
+        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
+
+    def states_along(self, path: Array, scene: Scene) -> Array:
+        """Return every pose (k, 3), and its reverse for a robot that does not, headings in [-pi, pi)."""
+        both = path if self.reverses else np.concatenate([path, path + np.array([0.0, 0.0, np.pi])])
+        states = np.array(both, dtype=float)
+        states[:, 2] = wrapped_all(states[:, 2])
+        return states
+
+    def draws(
+        self, space: FreeSpace, rng: np.random.Generator, count: int, origin: Array | None = None,
+        goal_share: float = 0.0,
+    ) -> Array:  # fmt: skip
+        """Draw poses as `Steering.draws`; where not all headings are free, half of them along the way that is."""
+        drawn = np.empty((count, self.n))
+        align = _alignment(space.static.kernels.clearance, space.static.kernels.place)
+        for i in range(count):
+            drawn[i] = super(TurnAndGo, self).draws(space, rng, 1, origin, goal_share)[0]
+            if rng.random() < TUNING.aligned_share:
+                align(space.static, drawn[i : i + 1], TUNING.aligned_headings)
+        return drawn
+
+    def roots(self, goal: Array) -> Array:
+        """Spread headings evenly at the goal point (2,) [m], (k, 3), over half a turn for a robot that reverses."""
+        whole = np.pi if self.reverses else TWO_PI
+        headings = np.arange(TUNING.arrivals) * whole / TUNING.arrivals - 0.5 * whole
+        return np.column_stack([np.broadcast_to(goal, (len(headings), 2)), headings])
+
+
+def wrapped_all(angles: Array) -> Array:
+    """Return angles in [-pi, pi)."""
+    return np.asarray((angles + np.pi) % TWO_PI - np.pi)

@@ -1,0 +1,68 @@
+"""Trees of robots with corners: paths whose turns are free, and the name of the place where there is none."""
+
+import math
+
+import numpy as np
+import pytest
+from trees import grown
+
+from pirrht import Footprint, FreeSpace, NoReference, Problem, Scene
+from pirrht.planner.narrow_place import narrow_place
+from pirrht.steering.turn_and_go import TurnAndGo, wrapped
+from pirrht.systems.rover import Rover
+
+CART = Footprint.rectangle(1.0, 0.4)
+GAP = [(2.9, 0.0, 3.1, 2.25), (2.9, 2.75, 3.1, 5.0)]  # 0.5 m wide
+
+CROSSING = [(0.0, 0.0, 2.7, 2.2), (3.3, 0.0, 6.0, 2.2), (0.0, 2.8, 2.7, 5.0), (3.3, 2.8, 6.0, 5.0)]  # 0.6 m wide
+
+
+def bend(width: float, pocket: float = 0.0) -> list[tuple[float, ...]]:
+    """A corridor along x that turns up, with room to the upper left of its corner."""
+    left = [(4.0 - width - pocket, 1.0 + width + pocket, 4.0 - width, 5.0)] if pocket else []
+    return [(0, 1 + width, 4 - width - pocket, 5), (4, 0, 6, 5), (0, 0, 6, 1), *left]
+
+
+def task(boxes: list[tuple[float, ...]], start: tuple[float, ...], goal: tuple[float, ...]) -> Problem:
+    scene = Scene.from_boxes(boxes, lower=(0, 0), upper=(6, 5), start=start, goal=goal, footprint=CART)
+    return Problem(dynamics=Rover(b=0.1), scene=scene, R=np.diag([2.0, 0.5]))
+
+
+@pytest.mark.parametrize(
+    ("boxes", "start", "goal"),
+    [(GAP, (1, 1, 1.5), (5, 4, 0.3)), (bend(0.6, 0.6), (0.7, 1.3, 0), (3.7, 4, 0.2)),
+     (bend(1.1), (0.7, 1.5, math.pi), (3.45, 4, 0.2))],
+)  # fmt: skip
+def test_a_cart_passes_lengthwise_and_turns_where_there_is_room_and_backs_out_of_where_there_is_none(
+    boxes, start, goal
+):
+    problem = task(boxes, start, goal)
+    space = FreeSpace.of(problem.scene)
+    tree = grown(space, TurnAndGo.of(problem), 450)
+    path = tree.references(space.scene.start)[0].path
+    heading = space.scene.start[2]
+    for tail, way, length in zip(path.tails, path.start[:, 2], path.length[:, 0], strict=True):
+        along = min((way, way + math.pi), key=lambda one: abs(wrapped(one - heading)))
+        turns = np.linspace(0.0, wrapped(along - heading), 50)
+        ahead = np.linspace(0.0, length, 100)[:, None] * np.array([math.cos(way), math.sin(way)])
+        poses = [np.column_stack([np.tile(tail[:2], (50, 1)), heading + turns])]
+        poses.append(np.column_stack([tail[:2] + ahead, np.full(100, along)]))
+        assert space.collision.clearance(np.vstack(poses)).min() > -1e-9
+        heading = along
+
+
+@pytest.mark.parametrize(
+    ("boxes", "start", "goal", "at"),
+    [(bend(0.6), (0.7, 1.3, 0), (3.7, 4, 0.2), (3.4, 1.6)), (CROSSING, (0.7, 2.5, 0), (3.0, 4.4, 0.2), (2.7, 2.7))],
+)  # fmt: skip
+def test_a_bend_or_crossing_that_is_too_narrow_to_turn_in_is_named(boxes, start, goal, at):
+    problem = task(boxes, start, goal)
+    space = FreeSpace.of(problem.scene)
+    tree = grown(space, TurnAndGo.of(problem), 300)
+    with pytest.raises(NoReference):
+        tree.references(space.scene.start)
+    place = narrow_place(tree, space.scene.start)
+    assert place is not None
+    assert place.at == pytest.approx(at, abs=0.6)
+    assert place.width == pytest.approx(0.6, abs=0.1)
+    assert "it needs 0.4 m there at best" in place.says(CART)
