@@ -54,10 +54,13 @@ def _from_chord(solids, m, height, corners, x, halvings):  # type: ignore[no-unt
     """Return the distance of solid m from the chord along y of a polygon at x [m]."""
     low, high = math.inf, -math.inf
     for k in range(corners.shape[0]):
-        a, b = corners[k], corners[(k + 1) % corners.shape[0]]
+        a = corners[k]
+        b = corners[(k + 1) % corners.shape[0]]
+
         if min(a[0], b[0]) <= x <= max(a[0], b[0]) and a[0] != b[0]:
             y = a[1] + (x - a[0]) / (b[0] - a[0]) * (b[1] - a[1])
-            low, high = min(low, y), max(high, y)
+            low = min(low, y)
+            high = max(high, y)
     return _along_edge(solids, m, height, x, low, x, high, halvings)[0]
 
 
@@ -66,7 +69,8 @@ def _inside(solids, m, height, corners, below, halvings):  # type: ignore[no-unt
     """Return the least distance of solid m from the inside of a polygon [m], at most `below`: over chords along y."""
     left, right, best = math.inf, -math.inf, below
     for k in range(corners.shape[0]):
-        left, right = min(left, corners[k, 0]), max(right, corners[k, 0])
+        left = min(left, corners[k, 0])
+        right = max(right, corners[k, 0])
     for _ in range(halvings):
         third = (right - left) / 3.0
         one = _from_chord(solids, m, height, corners, left + third, halvings)
@@ -90,10 +94,13 @@ def _from_hull(solids, m, height, corners, halvings):  # type: ignore[no-untyped
     count = corners.shape[0]
     best, px, py = math.inf, 0.0, 0.0
     for k in range(count):
-        a, b = corners[k], corners[(k + 1) % count]
+        a = corners[k]
+        b = corners[(k + 1) % count]
         d, s = _along_edge(solids, m, height, a[0], a[1], b[0], b[1], halvings)
         if d < best:
-            best, px, py = d, a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])
+            best = d
+            px = a[0] + s * (b[0] - a[0])
+            py = a[1] + s * (b[1] - a[1])
     if best <= PROBE:
         return 0.0
     ex, ey = offset_from(solids, m, px, py, height)
@@ -168,7 +175,8 @@ class HullCollision(Collision):
         for k in np.flatnonzero(free):
             span = heads[k] - tails[k]
             heading = math.atan2(span[1], span[0])
-            begun, ahead = np.append(tails[k], heading), np.array([math.cos(heading), math.sin(heading), 0.0])
+            begun = np.append(tails[k], heading)
+            ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
             free[k] = self.bisect_free(partial(_ahead, begun, ahead), float(np.hypot(*span)))
         return free
 

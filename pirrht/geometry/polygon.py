@@ -112,7 +112,8 @@ def _grouped(footprint: Footprint, discs: Array, excess: float) -> tuple[Array, 
         beyond = both[:, 2] + depths(footprint.hull, both[:, :2]) - footprint.rounding
         if not len(both) or beyond.min() > excess:
             break
-        one, other = int(a[np.argmin(beyond)]), int(b[np.argmin(beyond)])
+        one = int(a[np.argmin(beyond)])
+        other = int(b[np.argmin(beyond)])
         held[one] += held.pop(other)
         circles = np.delete(circles, other, axis=0)
         circles[one] = both[np.argmin(beyond)]
@@ -179,7 +180,8 @@ def nearest_disc(static, x, y, th, far, within):  # type: ignore[no-untyped-def]
 
     `far` is the clearance of the least disc at (x, y); another place is not nearer to walls by more than its distance.
     """
-    c, s = math.cos(th), math.sin(th)
+    c = math.cos(th)
+    s = math.sin(th)
     best, at = within, -1
     for j in range(static.groups):
         if far - _reach(static, j) >= best:
@@ -274,8 +276,10 @@ def _wall_of(static, grid, place):  # type: ignore[no-untyped-def]
 def _sides(static, x, y, within):  # type: ignore[no-untyped-def]
     """Return the sides of the border nearer to (x, y) than `within` [m] as the two nearest walls."""
     field, least = static.field, np.float32(within)
-    left, right = np.float32(x - field.left), np.float32(field.right - x)
-    low, high = np.float32(y - field.low), np.float32(field.high - y)
+    left = np.float32(x - field.left)
+    right = np.float32(field.right - x)
+    low = np.float32(y - field.low)
+    high = np.float32(field.high - y)
     found = (least, (ZERO, ZERO, ZERO), least, (ZERO, ZERO, ZERO))
     found = _with(static, found, min(left, right), (ONE if left < right else -ONE, ZERO, ZERO))
     return _with(static, found, min(low, high), (ZERO, ONE if low < high else -ONE, ZERO))
@@ -293,7 +297,8 @@ def _second_wall(static, seen, nearest, one, within):  # type: ignore[no-untyped
     field = static.field
     away, direction = _wall_of(static, field.second, nearest)
     if away >= within or not apart(static, one, direction):
-        away, direction = np.float32(within), (ZERO, ZERO, ZERO)
+        away = np.float32(within)
+        direction = (ZERO, ZERO, ZERO)
     for j in range(static.groups):
         if far - _reach(static, j) >= away:
             break
@@ -334,7 +339,8 @@ def walls_within(static, pose, within):  # type: ignore[no-untyped-def]
     clear, at = nearest_disc(static, x, y, th, far, np.float64(found[2]))
     if at < 0:
         return found
-    c, s = math.cos(th), math.sin(th)
+    c = math.cos(th)
+    s = math.sin(th)
     nearest = _disc(static, at, x, y, c, s)
     _, one = _wall_of(static, field.nearest, nearest)
     away, direction = _second_wall(static, ((x, y, c, s), far), nearest, one, min(found[2], clear + static.reach))
@@ -520,8 +526,11 @@ def _meet_walls(static, before, after, c0, c1, cov, weighed, state):  # type: ig
 
     Its distances before and after it have walls; it is `c0` [m] from the nearest and ends at `c1` [m].
     """
-    (near0, one, d0, other), (near1, same, d1, _) = before[3], after[3]
-    variance, second = variance_along(one, cov), variance_along(other, cov)
+    near0, one, d0, other = before[3]
+    near1, same, d1, _ = after[3]
+    variance = variance_along(one, cov)
+    second = variance_along(other, cov)
+
     if not may_meet(c0, c1, FAR * max(variance, second)):
         return state, NEVER, 0.0
     alive = 0.0
@@ -547,8 +556,10 @@ def bridge(world, pose, moved, before, after, cov, weighed, state, line=False): 
     Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the log of the
         probability that it met no wall [nats].
     """
-    c0, g0 = before[0], before[2]
-    c1, g1 = after[0], after[2]
+    c0 = before[0]
+    g0 = before[2]
+    c1 = after[0]
+    g1 = after[2]
     change = (moved[0] - pose[0], moved[1] - pose[1], moved[2] - pose[2])
     chord = math.sqrt(change[0] * change[0] + change[1] * change[1])
     past_wall = c1 > 0.0 and c0 + c1 < extent(world.static, change)

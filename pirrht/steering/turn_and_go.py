@@ -115,7 +115,9 @@ def lines_with_turns(reverses: bool) -> MotionKind:
     @inlined
     def end_of(motions, i):  # type: ignore[no-untyped-def]
         length = motions.length[i, 0]
-        x, y, way = motions.start[i, 0], motions.start[i, 1], motions.start[i, 2]
+        x, y = motions.start[i, 0], motions.start[i, 1]
+        way = motions.start[i, 2]
+
         return x + length * math.cos(way), y + length * math.sin(way)
 
     @part
@@ -162,13 +164,16 @@ def lines_with_turns(reverses: bool) -> MotionKind:
         return certify
 
     def kernels(around: Surroundings) -> MotionKernels:
-        curves, certify = ARCS.kernels(around), certify_for(around.static.kernels)
+        curves = ARCS.kernels(around)
+        certify = certify_for(around.static.kernels)
+
         return MotionKernels(curves.entry, cut, certify, curves.pairs, curves.most, between)
 
     def free(motions: Turned, i: int, space: FreeSpace) -> bool:
         heading, back = heading_along(motions, i)
         collision: Any = space.collision
-        tail, head = motions.start[i, :2], np.array(end_of(motions, i))
+        tail = motions.start[i, :2]
+        head = np.array(end_of(motions, i))
         pieces = np.array([head, tail] if back else [tail, head])
         first = np.append(tail, motions.tails[i, 2])
         return bool(
