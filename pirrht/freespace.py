@@ -140,9 +140,10 @@ class FreeSpace:
         """
         return margin_left(self.scene, self.collision, x[:2])
 
-    def clearance(self, x: Array, reads: tuple[int, ...] = (0, 1)) -> float:
-        """Return the exact clearance at a state x (n,), whose position, and heading if known, lie at indices [m]."""
-        return float(self.collision.clearance(x[None, list(reads)])[0])
+    def clearance(self, x: Array) -> float:
+        """Return the exact clearance at a state or pose x: x, y [m] and, for a polygon, the heading [rad]; in [m]."""
+        count = 2 if self.scene.footprint.is_disc else 3
+        return float(self.collision.clearance(np.asarray(x, dtype=float)[None, :count])[0])
 
 
 def collision_of(scene: Scene) -> Collision:

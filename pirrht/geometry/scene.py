@@ -194,6 +194,9 @@ class Scene:
             object.__setattr__(self, key, parts_of(getattr(self, key), kind, f"{self.name}: {key}"))
         if not isinstance(self.goal, Goal):
             raise SceneError(f"{self.name}: the goal is {short(self.goal)}; it must be a Goal")
+        if not isinstance(self.footprint, Footprint):
+            shape = short(self.footprint)
+            raise SceneError(f"{self.name}: the footprint is {shape}; it must be a pirrht.Footprint")
         if not isinstance(self.defaults, dict) or not all(isinstance(name, str) for name in self.defaults):
             raise SceneError(f"{self.name}: the defaults are {short(self.defaults)}; they must be numbers by name")
 
