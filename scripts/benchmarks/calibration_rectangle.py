@@ -73,7 +73,7 @@ def _room(seed: int, noise: float, count: int, plans: int) -> list[dict[str, Any
     tree = grown_tree(space, Dubins.of(problem), problem.scene.start, vertices=VERTICES, limit=0.8, seed=seed)
     rng = np.random.default_rng([seed, 63])
     low, high = np.append(problem.scene.lower, -np.pi), np.append(problem.scene.upper, np.pi)
-    drawn = (x for x in rng.uniform(low, high, (400 * count, 3)) if space.clearance(x, (0, 1, 2)) > MARGIN)
+    drawn = (x for x in rng.uniform(low, high, (400 * count, 3)) if space.clearance(x) > MARGIN)
     states = with_references(tree, (x for x in drawn if not problem.scene.goal.contains(x[:2])), count)
     controller = Controller(problem, space, tree, Sampling(samples=SAMPLES), rng=np.random.default_rng(seed))
     return [{"scene": f"room{seed}", "noise": noise, "seconds": seconds, **_record(truth, controller, x, plans)}
