@@ -227,22 +227,22 @@ class DDPGuidance:
         penalised = np.inf
         sound = False
 
-        begun = course.control[0].copy()
-        first = Course(*map(np.copy, course)), length
-        for warmth, rounds in stages:
-            if length > 0:
-                most = 0 if short() else rounds
-                task = self.tasks[warmth]
-                length, cost, penalised, sound = self.optimise(
-                    setup, classes, task, clock, query.key, most, course, length
-                )
-        if length != 0 and not sound and len(stages) > 1 and not short():  # high prices of walls led it astray
-            course, length = first
-            warmth, rounds = stages[-1]
+        def improved(course: Course, length: int, stage: Stage) -> tuple[int, float, float, bool]:
+            warmth, rounds = stage
+            most = 0 if short() else rounds
             task = self.tasks[warmth]
-            length, cost, penalised, sound = self.optimise(
-                setup, classes, task, clock, query.key, rounds, course, length
-            )
+            found: tuple[int, float, float, bool]
+            found = self.optimise(setup, classes, task, clock, query.key, most, course, length)
+            return found
+
+        begun = course.control[0].copy()
+        again = (Course(*map(np.copy, course)), length) if len(stages) > 1 else None
+        for stage in stages:
+            if length > 0:
+                length, cost, penalised, sound = improved(course, length, stage)
+        if again is not None and length != 0 and not sound and not short():  # high prices of walls led it astray
+            course, length = again
+            length, cost, penalised, sound = improved(course, length, stages[-1])
         if sound and query.setup.world.moving.J == 0:
             course, (length, cost, penalised, sound) = self._paced(
                 query, course, (length, cost, penalised, sound), paces, short
