@@ -10,7 +10,7 @@ from pirrht.errors import OptionError, PirrhtError
 from pirrht.geometry.footprint import Footprint
 from pirrht.outcome import Outcome
 from pirrht.systems.rover import Rover
-from sim.drawing.strokes import headed, rings
+from sim.drawing.strokes import along_reference, rings
 from sim.drive.executor import ClearanceChecker, Executor, Plant
 from sim.mjcf import load
 from sim.mjcf.footprint import PRESETS, collision_of, footprint_of
@@ -127,11 +127,13 @@ def test_plans_and_pictures_know_the_corners_of_the_robot():
     assert "footprint" not in settings_json(prepare("slit"))
     assert scene.body.corners == footprint_of(CART).corners
     assert not room_of(scene).footprint.is_disc
-    line = headed(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), 5)
-    np.testing.assert_allclose(line[[0, -1], 2], [0.0, np.pi / 2])
+    poses = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.5 * np.pi]])
+    tree = scenario.empty_tree()
+    line = along_reference(tree, tree.steering.connect(poses[:-1], poses[1:]), 5)
+    np.testing.assert_allclose(line[[0, 1, 4]], [[1, 1, 0], [0.5, 1, 0], [0, 2, 0.5 * np.pi]], atol=1e-12)  # it backs
     drawn = rings(scene.body, line)
     assert drawn.shape == (5, 5, 2)
-    np.testing.assert_allclose(drawn[0, [0, 2]], [[-0.3, -0.2], [0.7, 0.2]])
+    np.testing.assert_allclose(drawn[0, [0, 2]], [[0.7, 0.8], [1.7, 1.2]])
     assert rings(Footprint.disc(0.2), line[:1]).shape[1] > 20
 
 
