@@ -15,6 +15,7 @@ from pirrht.geometry.obstacle import Mover, Obstacle
 from pirrht.geometry.scene import Scene, Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.world import WALL, MovingKernels
+from pirrht.jit.records import Held
 from pirrht.moving.certify import certify, note_unsure
 from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
 from pirrht.moving.distances import FASTEST, moving_clearance
@@ -42,10 +43,9 @@ class ObstacleNumbers(NamedTuple):
     cutoff: float  # clearances are reported up to this [m]
 
 
-class MovingObstacleArrays(ObstacleNumbers):
+class MovingObstacleArrays(Held, ObstacleNumbers):
     """J moving obstacles together with the arrays that the addresses point to: `geometry.world.Moving`."""
 
-    arrays: Sequence[Array | IntArray]
     collision: MovingObstacles  # the same obstacles as FCL has them
     kernels = KERNELS
 
@@ -64,7 +64,7 @@ class MovingObstacleArrays(ObstacleNumbers):
 
     def with_motions(self, movers: Sequence[Mover]) -> MovingObstacleArrays:
         """Return these obstacles on other motions; shapes, FCL's included, are shared: one thread at a time asks."""
-        shapes = self.arrays[3:]  # the first three are of motions
+        shapes = [self.held[name] for name in ("solid", "form", "corner", "table")]
         sizes = (self.pitch, self.height, self.robot)
 
         return self._holding(movers, shapes, sizes, self.cutoff, self.collision.with_motions(movers))
@@ -77,8 +77,8 @@ class MovingObstacleArrays(ObstacleNumbers):
         motions = _motions(movers, sizes[2])
         arrays: Sequence[Any] = [np.ascontiguousarray(one) for one in (*motions, *shapes)]
         numbers: Sequence[float] = *sizes, float(motions[0][:, FASTEST].max(initial=0.0)), cutoff
-        made = cls(len(movers), *(array.ctypes.data for array in arrays), *numbers)
-        made.arrays, made.collision = arrays, collision
+        made = cls.holding(len(movers), *arrays, *numbers)
+        made.collision = collision
         return made
 
     def clearance(self, x: float, y: float, t: float) -> float:

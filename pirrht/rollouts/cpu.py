@@ -24,7 +24,7 @@ from pirrht.rollouts.law import straight_home
 from pirrht.rollouts.path import Kept, any_path
 from pirrht.rollouts.point_block import blocks_for
 from pirrht.rollouts.step import KernelSpec
-from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
+from pirrht.rollouts.tables import Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_homing
 from pirrht.topology.signature import SignatureKernels
@@ -109,29 +109,6 @@ class Cpu(NamedTuple):
 
         over_ranges(work, S, self.threads if self.kernels.alone < S else 1)
         return paths
-
-    def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
-        """Return states (c, T+1, n) of samples of some numbers (c,), and the steps that each takes (c,)."""
-        return self.replay(setup, tables, origin, number)[::2]
-
-    def controls(
-        self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int
-    ) -> tuple[Array, Array]:
-        """Return weight times control carried (groups, T, m) [control], and the weight under way (groups, T)."""
-        _, T, m = tables.control.shape
-        total = np.zeros((groups, T, m))
-        alive = np.zeros((groups, T))
-
-        for start in range(0, len(chosen.number), TUNING.replayed):
-            part = slice(start, start + TUNING.replayed)
-            group = chosen.group[part]
-            weight = chosen.weight[part]
-            _, applied, steps = self.replay(setup, tables, origin, chosen.number[part])
-            under_way = np.where(np.arange(T) < steps[:, None], weight[:, None], 0.0)
-            for g in range(groups):
-                total[g] += np.sum(weight[group == g, None, None] * applied[group == g], axis=0)
-                alive[g] += np.sum(under_way[group == g], axis=0)
-        return total, alive
 
     def replay(
         self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray

@@ -161,14 +161,6 @@ class Origin(NamedTuple):
     time: float = 0.0  # when they do, on the clock of moving obstacles [s]
 
 
-class Chosen(NamedTuple):
-    """Samples that are simulated again, and what they count in which group."""
-
-    number: NDArray[np.int64]  # (c,) from 0 to S
-    group: NDArray[np.int64]  # (c,)
-    weight: Array  # (c,)
-
-
 class Paths(NamedTuple):
     """Results of S sampled paths; kernels write into it."""
 

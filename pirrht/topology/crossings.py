@@ -9,7 +9,7 @@ markers there are: its turns are (marker, turn) pairs, all other integers are 0 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import along, center_of, turns_of_chord, turns_of_piece
 from pirrht.jit.jit import borrowing, inlined, load_float64, load_int32, load_int64
+from pirrht.jit.records import Held
 
 FEW_MARKERS = 8  # up to so many markers are all tested: measured as faster than finding their sector
 SECTOR_MARGIN = 1e-9  # sectors are widened by so much for rounding, of 4 for a whole turn
@@ -37,10 +38,8 @@ class CutTable(NamedTuple):
     marker: int  # address of int32 (2M,): their indices in all signatures
 
 
-class Cuts(CutTable):
+class Cuts(Held, CutTable):
     """A `CutTable` together with the arrays that its addresses point to."""
-
-    arrays: tuple[NDArray[Any], ...]
 
     @classmethod
     def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> Cuts:
@@ -53,9 +52,7 @@ class Cuts(CutTable):
         twice = np.concatenate([order, order])
         x, y = (np.ascontiguousarray(column[twice]) for column in markers.T)
         arrays = np.concatenate([start[:B], start + M]).astype(np.int32), x, y, weights[twice], twice.astype(np.int32)
-        cuts = cls(float(goal[0]), float(goal[1]), M, B, *(array.ctypes.data for array in arrays))
-        cuts.arrays = arrays
-        return cuts
+        return cls.holding(float(goal[0]), float(goal[1]), M, B, *arrays)
 
 
 @inlined

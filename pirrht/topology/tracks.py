@@ -21,6 +21,7 @@ from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
+from pirrht.jit.records import Held
 from pirrht.topology.obstacles import components
 
 BOX_SPAN = 2.0  # of the boxes that a marker's trajectory lies in [s]: short is exact, long is quick
@@ -44,10 +45,8 @@ class TrajectoryTable(NamedTuple):
     first_box: int  # address of int64 (J + 1,): where the boxes of each begin
 
 
-class MarkerTrajectories(TrajectoryTable):
+class MarkerTrajectories(Held, TrajectoryTable):
     """A `TrajectoryTable` together with the arrays that the addresses point to."""
-
-    arrays: tuple[Array | IntArray, ...]
 
     @classmethod
     def of(cls, paths: Sequence[Array], periods: Sequence[float], goal: Array) -> MarkerTrajectories:
@@ -62,10 +61,8 @@ class MarkerTrajectories(TrajectoryTable):
         crossed = [_crossed(goal - path[:, 1:]) for path in paths]
         waited = np.concatenate([np.zeros(0, np.int64), *(each[:-1] for each in crossed)])
         lap = np.array([each[-1] for each in crossed], dtype=np.int64)
-        arrays = first, *columns, np.array(periods, dtype=float), waited, lap, every_box, first_box
-        tracks = cls(len(paths), *(array.ctypes.data for array in arrays))
-        tracks.arrays = arrays
-        return tracks
+        every_period = np.array(periods, dtype=float)
+        return cls.holding(len(paths), first, *columns, every_period, waited, lap, every_box, first_box)
 
 
 def _boxes_of(path: Array, *, repeat: bool) -> Array:

@@ -162,7 +162,7 @@ def test_both_jambs_of_a_doorway_count_although_they_join() -> None:
 def test_the_field_tells_no_more_of_the_second_wall_than_there_is() -> None:
     """Further off, its clearance is known on coarser grids; a few points are beside one where another wall counts."""
     space = doorway()
-    field, (nearest, second, label) = space.field, space.field.arrays
+    field, (nearest, second, label) = space.field, space.field.held.values()
     rows = np.argwhere((nearest > 0.005) & (nearest < 0.1))[::17]
     _, exact, sure = expected(space.collision, space.scene.lower + rows * field.spacing, REACH + 0.1)
     at, exact = tuple(rows[sure].T), exact[sure] - 0.1
