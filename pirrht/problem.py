@@ -111,19 +111,18 @@ class Problem:
 
     def clearance_spread(self, x: Array) -> float:
         """Deviation that noise gives the clearance of the footprint at x (n,) at most [m/sqrt(s)]."""
-        d, footprint = self.dynamics, self.scene.footprint
-        swing = 0.0 if footprint.is_disc else footprint.reach * d.heading_spread(x)
-        return d.position_spread(x) + swing
+        swing = 0.0 if self.scene.footprint.is_disc else self.scene.footprint.reach * self.dynamics.heading_spread(x)
+        return self.dynamics.position_spread(x) + swing
 
     def _temperature(self) -> float:
         """The scalar lambda of `lambda G R^-1 G' = B B'`, or of `lambda R^-1 = s s'`; else NotLinearlySolvable."""
-        value, d, name = np.nan, self.dynamics, type(self.dynamics).__name__
+        value, name = np.nan, type(self.dynamics).__name__
         left, right, remedy = "G R^-1 G'", "B B'", "G' (B B')^-1 G"
-        if d.input_form:
+        if self.dynamics.input_form:
             left, right, remedy = "R^-1", "s s'", "(s s')^-1"
         for x in self._probes():
             R = self.control_cost(x)
-            G, B = d.noise_form(x)
+            G, B = self.dynamics.noise_form(x)
 
             if not (np.allclose(R, R.T) and np.linalg.eigvalsh(R).min() > 0.0):
                 raise OptionError(f"R is {R.tolist()} at x = {x.tolist()}; it must be symmetric and positive definite")

@@ -120,11 +120,10 @@ class Policy(ABC):
         """
         x = self._checked(x)
         last = self.run.queried
-        scene = self.space.scene
         place = self.problem.dynamics.place(x)
         for lost, where in (
-            (scene.goal.contains(place), "already in the goal"),
-            (not scene.world.contains(place), "outside the workspace"),
+            (self.space.scene.goal.contains(place), "already in the goal"),
+            (not self.space.scene.world.contains(place), "outside the workspace"),
         ):
             if lost:
                 raise OptionError(

@@ -140,9 +140,9 @@ class Desirability:
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
         if not self.moves:
-            d, collision = self.problem.dynamics, self.space.collision
+            d = self.problem.dynamics
             poses = states[:, d.reads(self.space.static.kernels.turns)]
-            blocked = (collision.clearance(poses) <= 0.0) & ~self.space.scene.goal.contains(d.place(states))
+            blocked = (self.space.collision.clearance(poses) <= 0.0) & ~self.space.scene.goal.contains(d.place(states))
             value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 
@@ -217,10 +217,9 @@ class Desirability:
         turns = np.zeros((samples, homology.M))
         ends = np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
-        footprint, classes = self.space.static.kernels, homology.table
-        states = at_states(footprint, d.reads(footprint.turns))
-        walk = walker(self.evaluate, d.drift, how, self.moves, states, classes.kernels)
-        walk(self.grid, process, classes, x0, seed, turns, ends, outcome)
+        states = at_states(self.space.static.kernels, d.reads(self.space.static.kernels.turns))
+        walk = walker(self.evaluate, d.drift, how, self.moves, states, homology.table.kernels)
+        walk(self.grid, process, homology.table, x0, seed, turns, ends, outcome)
         return homology, turns, ends, outcome
 
 

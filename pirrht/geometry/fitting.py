@@ -71,10 +71,10 @@ def _refuse_beneath(scene: Scene, collision: Collision, point: Array) -> None:
     """Refuse an obstacle under or over a point (2,) [m]: no direction leads away from it, as from a floor."""
     walls = collision.nearest_walls(point[None], range(len(scene.obstacles)), scene.robot_radius)
     if walls.which[0] >= 0 and not walls.away[0].any():
-        name, height = scene.obstacles[walls.which[0]].name, scene.robot_height
+        name = scene.obstacles[walls.which[0]].name
         raise SceneError(
             f'{scene.name}: obstacle "{name}" lies under or over the robot at ({point[0]:g}, {point[1]:g}) and all '
-            f"around, {walls.first[0]:.3g} m from its centre at a height of {height:g} m; the robot keeps "
+            f"around, {walls.first[0]:.3g} m from its centre at a height of {scene.robot_height:g} m; the robot keeps "
             f"{scene.robot_radius:g} m: remove it if it is a floor, or choose a smaller robot radius or margin"
         )
 

@@ -198,12 +198,11 @@ def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
 @kernel
 def distances(solids, members, points, height, out):  # type: ignore[no-untyped-def]
     """Write distances from the nearest of the members to points (k, 2) at a height [m], out (k,); 0 inside."""
-    low, high = solids.low, solids.high
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         best = math.inf
         for m in members:
-            if square_to(low, high, m, x, y) < best * best:
+            if square_to(solids.low, solids.high, m, x, y) < best * best:
                 best = min(best, distance_from(solids, m, x, y, height))
         out[i] = best if best > PROBE else 0.0
 

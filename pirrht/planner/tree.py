@@ -163,12 +163,12 @@ class HomologyTree:
 
     def _insert(self, x: Array, edges: Edges, back: Edges) -> None:
         """Make the state x (n,) that was written last a vertex, with edges from it and to it."""
-        storage, size = self.storage, self.graph.size
+        storage = self.storage
         more = len(edges.near) + len(back.near)
         pairs = len(edges.turns.marker) + len(back.turns.marker)
-        storage.make_room(E=size[SIZE.edges] + more, P=size[SIZE.pairs] + pairs)
-        base, around = self.homology.base(x), self.checker.around
-        insert(storage.places, storage.vertices, base, edges, back, around, self.rules)
+        storage.make_room(E=self.graph.size[SIZE.edges] + more, P=self.graph.size[SIZE.pairs] + pairs)
+        base = self.homology.base(x)
+        insert(storage.places, storage.vertices, base, edges, back, self.checker.around, self.rules)
 
     def relax(self) -> None:
         """Relax costs until no node improves (`rewire.relaxed`)."""
@@ -193,11 +193,11 @@ class HomologyTree:
 
     def edges_to(self, v: int) -> Edges:
         """Judge edges to vertex v from the vertices near it (Algorithm 3, lines 1 to 7); lines 8 to 17 are `relax`."""
-        x, in_goal = self.states[v], self.in_goal
+        x = self.states[v]
         near = self._near(x, self.states[: v + 1], forward=False)  # line 1
-        near = near[(near != v) & ~in_goal[near]]
+        near = near[(near != v) & ~self.in_goal[near]]
         motions = self.steering.connect(self.states[near], np.repeat(x[None], len(near), axis=0))  # line 3: TPBVP
-        return self.checker.inspect(motions, np.full(len(near), in_goal[v]), near)  # lines 4 and 5: ObstacleFree
+        return self.checker.inspect(motions, np.full(len(near), self.in_goal[v]), near)  # lines 4 and 5: ObstacleFree
 
     def _near(self, x: Array, states: Array, *, forward: bool, least: int = 0) -> NDArray[np.int64]:
         """Find vertices near x (n,) among states (V, n), at least so many (NearForward and NearBackward)."""
@@ -278,10 +278,9 @@ class HomologyTree:
     @cached_property
     def _propose(self) -> Any:
         """Address of its `proposer`."""
-        steering = self.steering
-        kernels = steering.kernels
+        kernels = self.steering.kernels
         assert kernels is not None
-        numbers = np.array(steering.numbers)
+        numbers = np.array(self.steering.numbers)
         straight = np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
         propose = proposer(
@@ -319,11 +318,11 @@ class HomologyTree:
     node_count = property(lambda self: int(self.graph.nodes[: self.size].sum()), doc="All classes of all vertices.")
 
     def __repr__(self) -> str:
-        scene, rules = formatting.name(self.space.scene.name), self.rules
+        scene = formatting.name(self.space.scene.name)
         counts = f"{self.size} vertices, {self.node_count} nodes"
-        classes = f"{rules.classes or 'all'} classes a vertex"
+        classes = f"{self.rules.classes or 'all'} classes a vertex"
 
-        return f"HomologyTree({counts} in {scene}, |1 - H| <= {rules.limit:g}, {classes})"
+        return f"HomologyTree({counts} in {scene}, |1 - H| <= {self.rules.limit:g}, {classes})"
 
     def plot(self, x: Array | None = None, *, axes: Any = None) -> Any:
         """Draw the best edge of every vertex on a map of the scene, and the references of a state x (n,).
@@ -347,8 +346,8 @@ class HomologyTree:
 
     def best_edges(self, spacing: float) -> list[Array]:
         """Return the edge that each vertex' cheapest node takes as a line (k, 2) of points at a spacing [m]."""
-        graph, size = self.graph, self.size
-        tails = np.flatnonzero(graph.nodes[:size] > 0)
+        graph = self.graph
+        tails = np.flatnonzero(graph.nodes[: self.size] > 0)
         costs = np.where(np.arange(graph.cost.shape[1]) < graph.nodes[tails, None], graph.cost[tails], np.inf)
         taken = graph.parent[tails, np.argmin(costs, axis=1)]
         tails = tails[taken >= 0]

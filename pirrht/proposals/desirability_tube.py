@@ -301,9 +301,9 @@ class DesirabilityAscent(ProposalControl):
         """
         whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
         cut = sections_of(arena.static, whole, arena.radius, decay)
-        C, J = len(cut[0]), TUNING.nodes
+        C = len(cut[0])
         place = np.zeros((1, C, PLACE), np.float32)
-        slope = np.zeros((1, C, J, KNOWN), np.float32)
+        slope = np.zeros((1, C, TUNING.nodes, KNOWN), np.float32)
         log_psi = float(_transfer(arena, cut, decay, place[0], slope[0]))
         return cls(DesirabilityTubes(np.array([C]), place, slope, decay), arena.goal, push.gain(x), push, log_psi)
 

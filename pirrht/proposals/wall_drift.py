@@ -200,13 +200,12 @@ class FlatWalls(NamedTuple):
 
     def missing(self, mean: Array) -> Array:
         """Return the control (m,) that a mean (m,) over `span` lacks near the walls."""
-        d = self.drift.problem.dynamics
         now = self.drift.walls(self.x)
         then = self.drift.walls(self.x, TUNING.wall_step)
 
         slope = np.zeros(2)
         velocity = self.drift.gains(self.x) @ mean
-        B = d.B_c(self.x)
+        B = self.drift.problem.dynamics.B_c(self.x)
 
         for k in (0, 2):
             c = float(now[k])

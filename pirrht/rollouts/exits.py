@@ -29,13 +29,10 @@ def ended_for(kind: KernelSpec) -> Any:
     def as_point(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
         """End a step whose noise is its displacement; `moving_wall`: row 0 of moving walls is met."""
         x = scratch.x
-        moved = scratch.moved
         f = scratch.f
-        y = scratch.y
-        B = scratch.B
 
-        dx = moved[0] - x[0] - f[0] * dt
-        dy = moved[1] - x[1] - f[1] * dt
+        dx = scratch.moved[0] - x[0] - f[0] * dt
+        dy = scratch.moved[1] - x[1] - f[1] * dt
 
         if moving and moving_wall:  # at its distance then
             gap, ux, uy, vx, vy = scratch.walls[0]
@@ -44,23 +41,19 @@ def ended_for(kind: KernelSpec) -> Any:
             met = towards_exit(arena, pose(x), exit)
         radius = arena.radius if exit == GOAL else 0.0
         state, dx, dy = at_crossing(met, radius, (dx, dy), share, math.sqrt(variance), state)
-        y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / variance
-        y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / variance
-        moved[0] = x[0] + f[0] * dt * share + dx
-        moved[1] = x[1] + f[1] * dt * share + dy
+        scratch.y[0] = (scratch.B[0, 0] * dx + scratch.B[1, 0] * dy) * dt / variance
+        scratch.y[1] = (scratch.B[0, 1] * dx + scratch.B[1, 1] * dy) * dt / variance
+        scratch.moved[0] = x[0] + f[0] * dt * share + dx
+        scratch.moved[1] = x[1] + f[1] * dt * share + dy
 
         return state, dt * share
 
     @part
     def on_line(scratch, arena, dt, share, rates, state):  # type: ignore[no-untyped-def]
         """End a step along a line at the goal's rim; other noise is that of a bridge."""
-        x = scratch.x
-        moved = scratch.moved
-        y = scratch.y
         B = scratch.B
-        column = scratch.column
 
-        (ex, ey), to_rim, alone = rim(arena, pose(x), noise.scaled(rates, dt))
+        (ex, ey), to_rim, alone = rim(arena, pose(scratch.x), noise.scaled(rates, dt))
         if not alone:
             return state, dt
         xx, _, yy = flat(rates)
@@ -70,15 +63,15 @@ def ended_for(kind: KernelSpec) -> Any:
             z = other
             if j % 2 == 0:
                 state, z, other = normals(state)
-            column[j] = z
-            noisy += (B[px, j] * ex + B[py, j] * ey) * (share * y[j] + spread * z)
+            scratch.column[j] = z
+            noisy += (B[px, j] * ex + B[py, j] * ey) * (share * scratch.y[j] + spread * z)
         for j in range(m):
             along = (B[px, j] * ex + B[py, j] * ey) / size
-            y[j] = share * y[j] + spread * column[j] + along * (to_rim - noisy)
+            scratch.y[j] = share * scratch.y[j] + spread * scratch.column[j] + along * (to_rim - noisy)
         for j in range(n):
-            moved[j] = x[j]
+            scratch.moved[j] = scratch.x[j]
             for k in range(m):
-                moved[j] += B[j, k] * y[k]
+                scratch.moved[j] += B[j, k] * scratch.y[k]
         return state, dt * share
 
     @part
@@ -114,7 +107,7 @@ def exits(kind: KernelSpec) -> Any:
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]
         """Judge a step along the Brownian bridge between its ends."""
-        (dt, now), (before, room, _), weighed = step, clear, tables.weighed
+        (dt, now), (before, room, _) = step, clear
 
         arena = setup.world
         here = pose(scratch.x)
@@ -125,10 +118,10 @@ def exits(kind: KernelSpec) -> Any:
         wall = False
         until = dt
 
-        state, exit, share, missed = bridge(arena, here, there, before, after, cov, weighed, state, along_line)
+        state, exit, share, missed = bridge(arena, here, there, before, after, cov, tables.weighed, state, along_line)
         if moving:
             way = (here[0], here[1], there[0], there[1])
-            rule = (along_line, weighed)
+            rule = (along_line, tables.weighed)
             state, hit, alive = bridge_among(
                 setup.world.moving, scratch.watch, way, now, dt, flat(cov), rule, state, scratch.walls
             )

@@ -132,7 +132,7 @@ class Path:
 
     def step(self, i: int, done: float, whole: float, applied: Array) -> float:
         """Take a step at most to the end of step i of the grid; return the time until its end, or its exit [s]."""
-        tables, clock = self.tables, self.begun + self.tables.times[i] + done
+        clock = self.begun + self.tables.times[i] + done
         self.observe(whole - done, clock)
         for g in range(len(self.a)):
             self.aim(g, i, done / whole)
@@ -142,9 +142,9 @@ class Path:
         ahead, turn = self.move()
         here, there = self.pose(self.x), self.pose(self.moved)
         share = self.judge(here, there, ahead, turn, clock)
-        self.key += self.classes.key(tables.classes, here, there)
+        self.key += self.classes.key(self.tables.classes, here, there)
         since = (done + self.dt * share) / whole
-        self.key += self.among.follow(tables.marks, i, since, there, self.sides)
+        self.key += self.among.follow(self.tables.marks, i, since, there, self.sides)
         for g in range(len(self.a)):
             self.weigh(g)
         self.record(i, done, applied, whole)
@@ -155,7 +155,7 @@ class Path:
 
     def observe(self, left: float, clock: float) -> None:
         """Evaluate the equation at the state, and choose the step; with wall drift B' grad log psi."""
-        d, world, moving, tables = self.d, self.world, self.moving, self.tables
+        d = self.d
         here = self.pose(self.x)
         self.f = d.f(self.x)
         self.B = d.whole(d.B_c(self.x))
@@ -165,23 +165,23 @@ class Path:
         self.shapes = self.kind.takes_law and not self.kind.gated
         if not self.kind.noisy_position:
             return
-        spread = self.space.spread(world.static, self.covariance(left), False)
+        spread = self.space.spread(self.world.static, self.covariance(left), False)
         count = 0
-        if moving:
-            within = max(3.0 * math.sqrt(spread), TUNING.push_cutoff * tables.wall_offset)
-            count, until = moving.walls(world.moving, self.watch, *here[:2], clock, within, self.near)
+        if self.moving:
+            within = max(3.0 * math.sqrt(spread), TUNING.push_cutoff * self.tables.wall_offset)
+            count, until = self.moving.walls(self.world.moving, self.watch, *here[:2], clock, within, self.near)
             self.dt = self.until = min(left, max(until - clock, TUNING.least_change))
         self.expose(here, count)
         xx, _, yy = self.in_plane(self.dt)
         way = TUNING.entering * math.sqrt(2.0 * self.setup.least_rate * self.dt) + TUNING.deviations
         self.shapes &= self.to_goal > way * math.sqrt(xx + yy)  # a step that may enter the goal draws passive noise
-        c, n, e, m = self.space.walls(world.static, here)
-        widest, back = np.float32(0.5 * math.sqrt(spread)), np.float32(tables.set_back)
+        c, n, e, m = self.space.walls(self.world.static, here)
+        widest, back = np.float32(0.5 * math.sqrt(spread)), np.float32(self.tables.set_back)
         self.walls = max(c + back, widest), n, max(e + back, widest), m
         if count > 0:
             self.walls = merging(len(here))(self.walls, self.near, count, float(widest))
         if self.pushes:
-            self.push = self.along_noise(slope_for(len(here))(self.walls, tables.wall_offset))
+            self.push = self.along_noise(slope_for(len(here))(self.walls, self.tables.wall_offset))
 
     def along_noise(self, slope: Any) -> Array:
         """Return B' s of a slope s of the pose."""
@@ -200,32 +200,32 @@ class Path:
 
     def expose(self, here: Pose, count: int) -> None:
         """Add how fast the chance grows that the step which ends here comes close to a wall."""
-        world, line, rates = self.world, self.kind.along_line, self.covariance(1.0)
-        gap, border, self.to_goal, *_ = distances = self.space.distances(world, here)
-        if line:
-            gap = self.space.facing(world.static, here, distances, rates)
-        gap = max(min(gap, border, gap_among(self.near, count, self.in_plane(1.0), line)), 0.0)
+        rates = self.covariance(1.0)
+        gap, border, self.to_goal, *_ = distances = self.space.distances(self.world, here)
+        if self.kind.along_line:
+            gap = self.space.facing(self.world.static, here, distances, rates)
+        gap = max(min(gap, border, gap_among(self.near, count, self.in_plane(1.0), self.kind.along_line)), 0.0)
         if self.last > 0.0:
-            deviation = math.sqrt(self.space.spread(world.static, rates, line))
+            deviation = math.sqrt(self.space.spread(self.world.static, rates, self.kind.along_line))
             self.exposure += exposure(*map(np.float32, (self.gap, gap, deviation, self.last)))
         self.gap, self.last = gap, self.dt
 
     def aim(self, g: int, i: int, share: float) -> None:
         """Set a_g: of a tube, a law or a control sequence, with wall drift unless tube or law has it."""
-        kind, tables = self.kind, self.tables
-        climbs = kind.traits.isotropic_point and tables.ways.count[g] > 0
-        led = kind.takes_law and tables.law_length[g] > 0
+        kind = self.kind
+        climbs = kind.traits.isotropic_point and self.tables.ways.count[g] > 0
+        led = kind.takes_law and self.tables.law_length[g] > 0
         self.a[g] = self.along_tube(g) if climbs else self.along_law(g, i, share) if led else 0.0
-        if i < tables.active[g]:
-            self.a[g, : kind.m] += self.gain @ tables.control[g, i]
+        if i < self.tables.active[g]:
+            self.a[g, : kind.m] += self.gain @ self.tables.control[g, i]
         if self.pushes and not climbs and (kind.gated or not led):
             self.a[g, : kind.m] += self.push
 
     def along_tube(self, g: int) -> Array:
         """Return B' grad log psi of the class of a tube."""
-        ways, out = self.tables.ways, np.empty(tubes.NUMBERS, np.float32)
+        out = np.empty(tubes.NUMBERS, np.float32)
         x, y = self.x[self.reads].astype(np.float32)
-        at = tubes.tube_of(ways, g), self.row[g], np.float32(ways.decay), self.world.goal
+        at = tubes.tube_of(self.tables.ways, g), self.row[g], np.float32(self.tables.ways.decay), self.world.goal
         self.row[g] = tubes.tube_at(*at, x, y, out, 0, 1)
         c, n, e, m = self.walls
         return self.along_noise(tubes.slope_of(out, 0, 1, (c, *n, e, *m)))
@@ -255,10 +255,10 @@ class Path:
 
     def draw(self, i: int) -> None:
         """Draw a dt + dw of all modes around the reference that is followed; the first m are y."""
-        modes, at = self.kind.modes, i % self.kind.abreast
+        at = i % self.kind.abreast
         if at == 0:
             self.random = fill_normals(np.uint64(self.random), len(self.fresh) // 2, self.fresh)
-        noise = self.fresh[at * (modes + modes % 2) :][:modes]
+        noise = self.fresh[at * (self.kind.modes + self.kind.modes % 2) :][: self.kind.modes]
         if self.shaped(self.h):
             noise = noise @ self.laws[self.h].deviation[self.row[self.h]]
         self.drawn = self.a[self.h] * self.dt + self.sign * math.sqrt(self.dt) * noise
@@ -269,8 +269,8 @@ class Path:
 
         What enters the goal straight ahead arrives before its noise matters, and draws none.
         """
-        kind, d, x, f, dt = self.kind, self.d, self.x, self.f, self.dt
-        swept = self.setup.bridge and not kind.noisy_position
+        x, f, dt = self.x, self.f, self.dt
+        swept = self.setup.bridge and not self.kind.noisy_position
         if swept:
             exit, share, _ = self.space.sweep(self.world, self.pose(x), self.pose(x + f * dt), 0.0, 0.0)
             if exit == GOAL:
@@ -278,15 +278,15 @@ class Path:
                 self.y[:] = 0.0
                 return share, 0.0
             f = self.drift_half_way()
-        if kind.stratonovich:
+        if self.kind.stratonovich:
             middle = x + 0.5 * (f * dt + self.B @ self.y)
-            self.B = d.whole(d.B_c(middle))
-            f = f if swept else d.f(middle)
+            self.B = self.d.whole(self.d.B_c(middle))
+            f = f if swept else self.d.f(middle)
         self.moved = x + f * dt + self.B @ self.y
-        if not kind.curved_step:
+        if not self.kind.curved_step:
             return 1.0, 0.0
         place = self.reads[:2]
-        return 1.0, turn_of(*self.f[place], *d.f(self.moved)[place], *(self.moved - x)[place], dt)
+        return 1.0, turn_of(*self.f[place], *self.d.f(self.moved)[place], *(self.moved - x)[place], dt)
 
     def drift_half_way(self) -> Array:
         """Return the drift at the middle of the step's noise, or its mean over the step by two points."""
@@ -299,11 +299,11 @@ class Path:
 
     def judge(self, here: Pose, there: Pose, share: float, turn: float, clock: float) -> float:
         """Set the outcome of the step, and return its share until then."""
-        world, moving, space = self.world, self.moving, self.space
+        moving = self.moving
         way = (*here[:2], *there[:2])
         if not self.setup.bridge:
-            inside = not moving or moving.clearance(world.moving, *way[2:], clock + self.dt) > 0.0
-            self.outcome = space.end(world, there) if inside else COLLISION
+            inside = not moving or moving.clearance(self.world.moving, *way[2:], clock + self.dt) > 0.0
+            self.outcome = self.space.end(self.world, there) if inside else COLLISION
             return 1.0
         if self.kind.noisy_position:
             wall, share = False, self.on_bridge(here, there, self.kind.along_line)
@@ -313,19 +313,19 @@ class Path:
                 self.end(here, share, wall)
             return share
         if self.outcome == INSIDE:
-            self.outcome, share, _ = space.sweep(world, here, there, turn, 0.0)
-        hit = moving.sweep(world.moving, self.watch, (*way, turn), clock, self.dt, share) if moving else math.inf
+            self.outcome, share, _ = self.space.sweep(self.world, here, there, turn, 0.0)
+        hit = moving.sweep(self.world.moving, self.watch, (*way, turn), clock, self.dt, share) if moving else math.inf
         if hit <= share:
             self.outcome, share = COLLISION, hit
-        if space.turns and self.outcome == INSIDE:  # noise turns the footprint on its way
+        if self.space.turns and self.outcome == INSIDE:  # noise turns the footprint on its way
             share = self.on_bridge(here, there, False)
         return float(share)
 
     def on_bridge(self, here: Pose, there: Pose, line: bool) -> float:
         """Judge the Brownian bridge between the ends of the step among what is static."""
-        world, distances = self.world, self.space.distances
-        ends = here, there, distances(world, here), distances(world, there), self.covariance(self.dt)
-        found = self.space.bridge(world, *ends, self.tables.weighed, np.uint64(self.random), line)
+        distances = self.space.distances
+        ends = here, there, distances(self.world, here), distances(self.world, there), self.covariance(self.dt)
+        found = self.space.bridge(self.world, *ends, self.tables.weighed, np.uint64(self.random), line)
         self.random, self.outcome, share, missed = found
         self.log_survival += missed
         return float(share)
@@ -346,19 +346,19 @@ class Path:
 
         That is of points, and of noise along a line that meets the goal's rim; `wall`: row 0 of moving ones is met.
         """
-        world, (xx, xy, yy) = self.world, self.in_plane(1.0)
+        (xx, xy, yy) = self.in_plane(1.0)
         drift = self.f * self.dt
         if self.kind.traits.point and xy == 0.0 and xx == yy:
-            met = self.space.exit(world, here, self.outcome)
+            met = self.space.exit(self.world, here, self.outcome)
             if wall:
                 gap, n, v = self.near[0, 0], self.near[0, 1:3], self.near[0, 3:]
                 met = (max(gap, 0.0) - share * self.dt * float((v - self.f) @ n), *(-n).tolist())
-            radius = world.radius if self.outcome == GOAL else 0.0
+            radius = self.world.radius if self.outcome == GOAL else 0.0
             beyond = tuple((self.moved - self.x - drift).tolist())
             _, *noise = at_crossing(met, radius, beyond, share, math.sqrt(xx * self.dt), np.uint64(self.random))
             self.y = self.B.T @ noise / xx
         else:
-            direction, to_rim, alone = self.space.rim(world, here, self.covariance(self.dt))
+            direction, to_rim, alone = self.space.rim(self.world, here, self.covariance(self.dt))
             if not (self.kind.along_line and self.outcome == GOAL and alone):
                 return
             along = direction @ self.B[self.reads[:2]]
@@ -371,13 +371,13 @@ class Path:
 
     def weigh(self, g: int) -> None:
         """Add log dQ_g/dP of the step; none if nothing is drawn."""
-        a, m = self.a[g], self.kind.m
+        a = self.a[g]
         if self.shaped(g) and self.y.any():
             law, s = self.laws[g], self.row[g]
             normal = (self.drawn - a * self.dt) @ law.inverse[s]
             self.log_ratio[g] += 0.5 * (self.drawn @ self.drawn - normal @ normal) / self.dt - law.log_det[s]
         elif self.y.any():
-            self.log_ratio[g] += a[:m] @ (self.y - 0.5 * self.until * a[:m])
+            self.log_ratio[g] += a[: self.kind.m] @ (self.y - 0.5 * self.until * a[: self.kind.m])
 
     def lead(self) -> Array:
         """Return the part of the a that is followed which changes quickly."""

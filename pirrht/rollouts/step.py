@@ -335,20 +335,16 @@ def noise_for(kind: KernelSpec) -> Any:
     @part
     def under_law(tables, scratch, state, sign, h, i, dt, shaped):  # type: ignore[no-untyped-def]
         """Draw under a law's step, whose covariance counts where the step is `shaped` by it (`shapes_for`)."""
-        law = tables.law
         drawn = scratch.drawn
-        stage = scratch.stage
-        a = scratch.a
-        fresh = scratch.fresh
 
         if i % steps == 0:  # those of several steps at once where no other draws come between
-            state = fill_normals(state, steps * even // 2, fresh)
-        source = fresh.ctypes.data + 8 * even * (i % steps)
-        if shaped and stage[h] < tables.law_length[h]:
-            row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
+            state = fill_normals(state, steps * even // 2, scratch.fresh)
+        source = scratch.fresh.ctypes.data + 8 * even * (i % steps)
+        if shaped and scratch.stage[h] < tables.law_length[h]:
+            row = tables.law.ctypes.data + 8 * tables.law.shape[2] * (tables.law.shape[1] * h + scratch.stage[h])
             matvec(drawn.ctypes.data, row + 8 * shape, source)
             source = drawn.ctypes.data
-        axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), a.ctypes.data + 8 * a.shape[1] * h, dt)
+        axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), scratch.a.ctypes.data + 8 * scratch.a.shape[1] * h, dt)
         for j in range(m):
             scratch.y[j] = drawn[j]
         return state
@@ -384,10 +380,9 @@ def motion(kind: KernelSpec) -> Any:
     @part
     def shaken(scratch, share):  # type: ignore[no-untyped-def]
         """Add a share of the step's noise to where it leads."""
-        moved, B, y = scratch.moved, scratch.B, scratch.y
         for j in range(rows):
             for k in range(m):
-                moved[fixed + j] += share * B[j, k] * y[k]
+                scratch.moved[fixed + j] += share * scratch.B[j, k] * scratch.y[k]
 
     @part
     def half_way(setup, scratch, dt):  # type: ignore[no-untyped-def]
@@ -395,42 +390,36 @@ def motion(kind: KernelSpec) -> Any:
 
         The mean is by two points about the mean state, apart by the deviation of the state within the step.
         """
-        x = scratch.x
         moved = scratch.moved
-        f = scratch.f
-        B = scratch.B
-        y = scratch.y
-        p = setup.parameters
 
-        copy_row(x, moved)
+        copy_row(scratch.x, moved)
         shaken(scratch, 0.5)
         if not curved_step:
-            drift(moved, p, f)
+            drift(moved, setup.parameters, scratch.f)
             return
-        ahead = scratch.apart
         for k in range(m):
-            scratch.column[k] = math.copysign(SWAY * math.sqrt(y[k] * y[k] + dt), y[k])
-        copy_row(moved, ahead)
+            scratch.column[k] = math.copysign(SWAY * math.sqrt(scratch.y[k] * scratch.y[k] + dt), scratch.y[k])
+        copy_row(moved, scratch.apart)
         for j in range(rows):
             for k in range(m):
-                mean = SWAY * B[j, k] * scratch.drawn[m + k]
-                spread = B[j, k] * scratch.column[k]
+                mean = SWAY * scratch.B[j, k] * scratch.drawn[m + k]
+                spread = scratch.B[j, k] * scratch.column[k]
                 moved[fixed + j] -= mean + spread
-                ahead[fixed + j] -= mean - spread
-        drift(moved, p, f)
-        drift(ahead, p, moved)
+                scratch.apart[fixed + j] -= mean - spread
+        drift(moved, setup.parameters, scratch.f)
+        drift(scratch.apart, setup.parameters, moved)
         for j in range(n):
-            f[j] = 0.5 * (f[j] + moved[j])
+            scratch.f[j] = 0.5 * (scratch.f[j] + moved[j])
 
     @part
     def arrives(setup, scratch, dt):  # type: ignore[no-untyped-def]
         """Check whether the step enters the goal straight ahead, then without noise; return its share until then."""
-        x, f, arena = scratch.x, scratch.f, setup.world
-        here = pose(x)
-        within = arena.radius + math.sqrt(f[px] * f[px] + f[py] * f[py]) * dt
-        if (here[0] - arena.goal[0]) ** 2 + (here[1] - arena.goal[1]) ** 2 >= within * within:
+        f = scratch.f
+        here = pose(scratch.x)
+        within = setup.world.radius + math.sqrt(f[px] * f[px] + f[py] * f[py]) * dt
+        if (here[0] - setup.world.goal[0]) ** 2 + (here[1] - setup.world.goal[1]) ** 2 >= within * within:
             return False, 1.0
-        exit, ahead, _ = sweep(arena, here, onward(1.0, here, dt, pose(f)), 0.0, 0.0)
+        exit, ahead, _ = sweep(setup.world, here, onward(1.0, here, dt, pose(f)), 0.0, 0.0)
         for j in range(m if exit == GOAL else 0):
             scratch.y[j] = 0.0
         return exit == GOAL, ahead
@@ -438,24 +427,20 @@ def motion(kind: KernelSpec) -> Any:
     @part
     def at_middle(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
         """Take drift and noise of the middle of the step; return the covariance per second."""
-        x = scratch.x
-        moved = scratch.moved
-        f = scratch.f
-        p = setup.parameters
 
         for j in range(n):
-            moved[j] = x[j] + 0.5 * f[j] * dt
+            scratch.moved[j] = scratch.x[j] + 0.5 * scratch.f[j] * dt
         shaken(scratch, 0.5)
         if varying:
-            noise_at(moved, p, setup.inverse, scratch.G, scratch.B)
+            noise_at(scratch.moved, setup.parameters, setup.inverse, scratch.G, scratch.B)
             rates = covariance(scratch.B)
         if drifting and (noisy_position or not setup.bridge):
-            drift(moved, p, f)
+            drift(scratch.moved, setup.parameters, scratch.f)
         return rates
 
     @part
     def move(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
-        x, moved, f = scratch.x, scratch.moved, scratch.f
+        moved, f = scratch.moved, scratch.f
 
         arrived = False
         ahead = 1.0
@@ -469,11 +454,11 @@ def motion(kind: KernelSpec) -> Any:
         if stratonovich and not arrived:
             rates = at_middle(setup, scratch, dt, rates)
         for j in range(n):
-            moved[j] = x[j] + f[j] * dt
+            moved[j] = scratch.x[j] + f[j] * dt
         shaken(scratch, 1.0)
         if curved_step and not arrived:  # between two steps its velocity changes, and its path is no chord
             drift(moved, setup.parameters, f)
-            turn = turn_of(vx, vy, f[px], f[py], moved[px] - x[px], moved[py] - x[py], dt)
+            turn = turn_of(vx, vy, f[px], f[py], moved[px] - scratch.x[px], moved[py] - scratch.x[py], dt)
         return arrived, ahead, turn, rates
 
     return move

@@ -221,9 +221,8 @@ def _pairs_of(space: SpaceKernels, classes: SignatureKernels) -> Any:
 
 
 def _kernels(around: Surroundings) -> MotionKernels:
-    space = around.static.kernels
-    pairs = _pairs_of(space, around.classes.kernels)
-    return MotionKernels(_entry, _cut, _certify_for(space), pairs, _most, _between)
+    pairs = _pairs_of(around.static.kernels, around.classes.kernels)
+    return MotionKernels(_entry, _cut, _certify_for(around.static.kernels), pairs, _most, _between)
 
 
 CUBICS = MotionKind(_kernels, _free, _trajectory)
@@ -316,9 +315,9 @@ class MassSteering(CompiledSteering):
         R = problem.control_cost(np.zeros(4))
         if not np.allclose(R, R[0, 0] * np.eye(2)):
             raise OptionError("cubic motions are optimal only for R a multiple of the identity; bring a Steering")
-        q, r = problem.least_rate, float(R[0, 0])
+        r = float(R[0, 0])
         across = float(np.hypot(*(problem.scene.upper - problem.scene.lower)))
-        return cls(q=q, r=r, top=1.5 * across / (4.5 * r * across**2 / q) ** 0.25)
+        return cls(q=problem.least_rate, r=r, top=1.5 * across / (4.5 * r * across**2 / problem.least_rate) ** 0.25)
 
     @property
     def numbers(self) -> tuple[float, ...]:

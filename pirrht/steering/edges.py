@@ -75,11 +75,11 @@ class EdgeChecker:
 
     def until_goal(self, path: Any) -> Any:
         """Cut a path of consecutive motions where the last first enters the goal's disc."""
-        last, kernels = len(path.cost) - 1, self.kernels
-        s = kernels.entry(path, last, self.around)
+        last = len(path.cost) - 1
+        s = self.kernels.entry(path, last, self.around)
         if s < np.inf:
             path = copied(path)
-            kernels.cut(path, last, s)
+            self.kernels.cut(path, last, s)
         return path
 
 

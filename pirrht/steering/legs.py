@@ -84,8 +84,7 @@ def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
     a = np.array([ax, ay])
     b = np.array([bx, by])
 
-    static = space.static
-    sure = static.kernels.certify_piece(static, (ax, ay), (bx, by), True) == FREE
+    sure = space.static.kernels.certify_piece(space.static, (ax, ay), (bx, by), True) == FREE
     if not sure and not space.collision.segments_free(a[None], b[None])[0]:
         return False
     return not space.moving.meets(a, s, b, t)

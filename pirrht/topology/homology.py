@@ -23,30 +23,30 @@ from pirrht.topology.tracks import NO_TRACKS, MarkerTrajectories, places_at, tra
 @kernel
 def base(table, x, out):  # type: ignore[no-untyped-def]
     """Write H of the base from x, 2 or 3 [m, m, s], to `out` (M,) [turns]: about static markers, then moving ones."""
-    cuts, tracks = table.cuts, table.tracks
+    cuts = table.cuts
     gx, gy = cuts.goal_x, cuts.goal_y
 
     for k in range(cuts.M):
         mx = load_float64(cuts.x, k)
         my = load_float64(cuts.y, k)
         out[load_int32(cuts.marker, k)] = straight_turns(x[0], x[1], mx, my, gx, gy)
-    for j in range(tracks.J):
+    for j in range(table.tracks.J):
         out[cuts.M + j] = 0.0
         if x[2] < math.inf:
             arrival = x[2] + math.hypot(gx - x[0], gy - x[1]) / table.speed
-            out[cuts.M + j] = turns_of_step(tracks, j, (x[0], x[1], x[2]), (gx, gy, arrival))
+            out[cuts.M + j] = turns_of_step(table.tracks, j, (x[0], x[1], x[2]), (gx, gy, arrival))
 
 
 @kernel
 def turns(table, a, b, out):  # type: ignore[no-untyped-def]
     """Add H of a straight step from a to b, (3) each [m, m, s], to `out` (M,) [turns]."""
-    cuts, tracks = table.cuts, table.tracks
+    cuts = table.cuts
     for k in range(cuts.M):
         x = load_float64(cuts.x, k)
         y = load_float64(cuts.y, k)
         out[load_int32(cuts.marker, k)] += turns_of_chord(a[0] - x, a[1] - y, b[0] - x, b[1] - y)
-    for j in range(tracks.J):
-        out[cuts.M + j] += turns_of_step(tracks, j, a, b)
+    for j in range(table.tracks.J):
+        out[cuts.M + j] += turns_of_step(table.tracks, j, a, b)
 
 
 @inlined

@@ -51,10 +51,10 @@ def crossings_of_leg(markers, a, b, to_goal, marker, turn, count):  # type: igno
     It goes from a to b, (3) each [m, m, s]; `to_goal`: b is where it enters the goal's disc, and goes on to the goal
     point. There are `count` pairs already; `markers` is a record with the fields of `MarkerTable`.
     """
-    cuts, tracks = markers.cuts, markers.tracks
+    cuts = markers.cuts
     count = crossed(cuts, a[0], a[1], b[0], b[1], marker, turn, count)
-    for j in range(tracks.J):
-        whole = whole_turns(tracks, j, (cuts.goal_x, cuts.goal_y), markers.speed, a, b, to_goal)
+    for j in range(markers.tracks.J):
+        whole = whole_turns(markers.tracks, j, (cuts.goal_x, cuts.goal_y), markers.speed, a, b, to_goal)
         if whole != 0:
             marker[count], turn[count] = cuts.M + j, whole
             count += 1
@@ -234,14 +234,14 @@ def watch(marks):  # type: ignore[no-untyped-def]
 @part
 def begin(marks, x, watch):  # type: ignore[no-untyped-def]
     """Note the sides of rays on which a path from a position x begins; return its first additive key."""
-    side, spot = watch.side, watch.spot
+    spot = watch.spot
     spot[0] = 0.0
     spot[1] = 0.0
     spot[2] = x[0] - marks.goal_x
     spot[3] = x[1] - marks.goal_y
 
-    for j in range(side.shape[0]):
-        side[j], _ = side_of_ray(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
+    for j in range(watch.side.shape[0]):
+        watch.side[j], _ = side_of_ray(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
     return np.int64(marks.opening)
 
 

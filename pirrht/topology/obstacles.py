@@ -75,8 +75,8 @@ def continued(
         found = (i for i in near if collision.obstacle_distance(i, marker[None])[0] <= radius)
         return next((part_of[i] for i in found if i in part_of), None)
 
-    lower, upper = collision.world.lower, collision.world.upper
-    gone = Component(members=(), names=(), marker=2.0 * upper - lower, joins_border=False)
+    upper = collision.world.upper
+    gone = Component(members=(), names=(), marker=2.0 * upper - collision.world.lower, joins_border=False)
     covers = [None if old.marker is None else cover(old.marker) for old in before]
     new = iter([part for part in parts if part.marker is not None and part not in covers])
     found = []
@@ -90,9 +90,8 @@ def continued(
 
 
 def _component(planar: _Planar, members: list[int]) -> Component | None:
-    world = planar.world
     distinct = np.unique(planar.collision.first[members]).tolist()
-    inside = [i for i in distinct if planar.common(i, i, world.lower, world.upper) is not None]
+    inside = [i for i in distinct if planar.common(i, i, planar.world.lower, planar.world.upper) is not None]
     if not inside:
         return None
     border = any(map(planar.leaves, inside))
@@ -194,9 +193,8 @@ class _Planar:
 
     def leaves(self, i: int) -> bool:
         """Return whether some of P_i is not in the workspace."""
-        world = self.world
-        sides = [(-NOWHERE, np.where(axis, world.lower, np.inf)) for axis in np.eye(2, dtype=bool)]
-        sides += [(np.where(axis, world.upper, -np.inf), NOWHERE) for axis in np.eye(2, dtype=bool)]
+        sides = [(-NOWHERE, np.where(axis, self.world.lower, np.inf)) for axis in np.eye(2, dtype=bool)]
+        sides += [(np.where(axis, self.world.upper, -np.inf), NOWHERE) for axis in np.eye(2, dtype=bool)]
         return any(self.meeting_point(i, i, *side) is not None for side in sides)
 
     def center(self, i: int) -> Array:

@@ -159,8 +159,7 @@ class Signature(ABC):
     def base(self, x: Array) -> Array:
         """H of the base from a point x, (M,) [turns], without the leading 1; 0 about moving markers at an open time."""
         out = np.empty(self.M)
-        table = self.table
-        table.kernels.base(table, np.ascontiguousarray(x, dtype=float), out)
+        self.table.kernels.base(self.table, np.ascontiguousarray(x, dtype=float), out)
         return out
 
     def crossings(self, a: Array, b: Array) -> list[tuple[int, int]]:
@@ -174,17 +173,15 @@ class Signature(ABC):
         marker = np.empty(pairs, np.int32)
         turn = np.empty(pairs, np.int16)
 
-        table = self.table
-        add, _ = _along_with(table.kernels, len(self.goal) + 1)
-        count = add(table, self._timed(path), marker, turn)
+        add, _ = _along_with(self.table.kernels, len(self.goal) + 1)
+        count = add(self.table, self._timed(path), marker, turn)
         return spread(marker[:count], turn[:count], self.M)
 
     def turns(self, path: Array) -> Array:
         """H of a path of k points whose times do not fall, (M,) [turns], without the leading 1."""
         out = np.zeros(self.M)
-        table = self.table
-        _, add = _along_with(table.kernels, len(self.goal) + 1)
-        add(table, self._timed(path), out)
+        _, add = _along_with(self.table.kernels, len(self.goal) + 1)
+        add(self.table, self._timed(path), out)
         return out
 
     def closed(self, turns: Array, first: Array, last: Array) -> Array:
