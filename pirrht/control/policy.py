@@ -1,7 +1,5 @@
 """Interface of all policies."""
 
-from __future__ import annotations
-
 import reprlib
 import warnings
 from abc import ABC, abstractmethod

@@ -11,8 +11,6 @@ The first batch alone is an unbiased estimate of psi. A number of batches that d
 time limit does so as far as the time that samples take depends on their outcome.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -102,7 +100,7 @@ class PathIntegral:
     """Draws and weighs samples around references, in threads; `path_integral` makes one for a problem and its space."""
 
     def __init__(
-        self, proposals: ProposalFactory, backend: Backend, *, threads: int = 1,
+        self, proposals: "ProposalFactory", backend: Backend, *, threads: int = 1,
         terminal_cost: Callable[[Array], Array] | None = None, tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
         self.proposals, self.backend, self.replay = proposals, backend, Replay(backend)
@@ -116,7 +114,7 @@ class PathIntegral:
         return self.proposals.world.setup
 
     @property
-    def homology(self) -> Signature:
+    def homology(self) -> "Signature":
         """Classes of paths under the current prediction."""
         return self.proposals.world.homology
 
@@ -125,7 +123,7 @@ class PathIntegral:
         """Check for moving obstacles."""
         return self.proposals.world.moving
 
-    def set_prediction(self, moving: Moving, homology: Signature) -> None:
+    def set_prediction(self, moving: "Moving", homology: "Signature") -> None:
         """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
         world = self.setup.world._replace(moving=moving)
         self.proposals.world.snapshot = self.setup._replace(world=world), homology

@@ -6,8 +6,6 @@ With a step dt `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a pat
 paper's sampling procedure ("endpoint").
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -89,7 +87,7 @@ class Desirability:
     def of(
         cls, problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None,
         progress: Progress = ignore_progress,
-    ) -> Desirability:  # fmt: skip
+    ) -> "Desirability":  # fmt: skip
         """Solve for psi (paper, section III-A, or III-B with a step).
 
         Args:

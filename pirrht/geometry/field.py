@@ -6,8 +6,6 @@ claims more clearance than there is. The border of the workspace is exact and ke
 the nearest solid in another direction; where another solid takes over, its clearance may jump.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple, Self
 

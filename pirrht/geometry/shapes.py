@@ -4,8 +4,6 @@ FCL computes most of these numbers one at a time, through four Python calls; a c
 distances are hollow inside of meshes and too great by up to millimetres from ellipsoids.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -36,7 +34,7 @@ class Solids(NamedTuple):
     normal: Array  # (F, 3) their unit normals
 
     @classmethod
-    def of(cls, obstacles: Sequence[Obstacle]) -> Solids:
+    def of(cls, obstacles: Sequence[Obstacle]) -> "Solids":
         """Gather M obstacles into arrays (M, ...) [m]."""
         M = len(obstacles)
         boxes = np.array([_rectangle(o) for o in obstacles]).reshape(M, 2, 2)

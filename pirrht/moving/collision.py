@@ -7,8 +7,6 @@ enough. Swept capsules in the obstacle's frame decide whether one passes over th
 somewhere else jumps: earlier distances say nothing afterwards, and nothing is swept in between.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -119,7 +117,7 @@ class MovingObstacles:
         self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
         self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
 
-    def with_motions(self, movers: Sequence[Mover]) -> MovingObstacles:
+    def with_motions(self, movers: Sequence[Mover]) -> "MovingObstacles":
         """Return these obstacles on other motions; FCL's solids are shared, and queried by one thread at a time."""
         return MovingObstacles(movers, self._footprint, [body.shape for body in self._bodies])
 

@@ -12,8 +12,6 @@ distance c it is known by the length b of `1 - exp(-c / b)`. psi at the start bo
 The loop over the nodes has no branches and single precision: it compiles to vector instructions.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -294,7 +292,7 @@ class DesirabilityAscent(ProposalControl):
     promise: float = -math.inf  # predicted log psi of the class, that of the tube at its start [nats]
 
     @classmethod
-    def of(cls, arena: World, line: Array, x: Array, decay: float, push: WallDrift) -> DesirabilityAscent:
+    def of(cls, arena: World, line: Array, x: Array, decay: float, push: WallDrift) -> "DesirabilityAscent":
         """Compute the tube of a reference from x (n,) over corners (k, 2) [m], the goal point as the last.
 
         It is of a world with the goal's disc, where psi decays by k per meter [1/m].

@@ -16,8 +16,6 @@ s = 0 that is Bessel's process in three dimensions, whose drift 1/c is a strict 
 the wall follows from the mean itself.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass
@@ -47,7 +45,7 @@ class Scales(NamedTuple):
     wall_offset: float  # of walls without a tube (`wall_slope`) [m]
 
     @classmethod
-    def of(cls, problem: Problem, x: Array) -> Scales:
+    def of(cls, problem: Problem, x: Array) -> "Scales":
         """Evaluate the scales at x (n,)."""
         B = problem.dynamics.B_c(x)
         noise = float(np.trace(B @ B.T)) / problem.dynamics.m
@@ -233,7 +231,7 @@ class NearWalls:
     flat: FlatWalls | None = None
 
     @classmethod
-    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None) -> NearWalls:
+    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None) -> "NearWalls":
         """Evaluate the wall drift at x (n,) at the moment of a plan."""
         here = drift(x)
         return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, flat=flat)

@@ -5,8 +5,6 @@ In noise units, with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's o
 is a function of the seed and its number alone, so that what was not kept is simulated once more.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from functools import cache
@@ -93,7 +91,7 @@ class Cpu(NamedTuple):
     def of(
         cls, problem: Problem, setup: Setup, classes: SignatureKernels, threads: int | None = None, *,
         fitted: bool = True,
-    ) -> Cpu:  # fmt: skip
+    ) -> "Cpu":  # fmt: skip
         """Choose the kernels of a problem and its classes, by default one thread per core, for `Sampling.fitted`."""
         world = setup.world
         kernels = kernels_for(problem, world.static.kernels, world.moving.kernels, classes, fitted=fitted)

@@ -16,8 +16,6 @@ Examples:
     10
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

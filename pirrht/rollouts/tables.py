@@ -5,8 +5,6 @@ A tube has cross-sections along a reference; their nodes know the slope of log p
 nodes and cross-sections these are interpolated; behind the last one psi is that of a disc in the open.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,7 +40,7 @@ def law_columns(n: int, modes: int) -> list[int]:
 class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
-    world: World  # what is free at (x, t); moving obstacles are predicted on the clock of plans
+    world: "World"  # what is free at (x, t); moving obstacles are predicted on the clock of plans
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
     inverse: Array  # (m, m) G_c^-1 B_c, if constant; in input form s
@@ -56,7 +54,7 @@ class Setup(NamedTuple):
 class PredictedWorld:
     """Holder of the snapshot that sampler, proposals and guides share; one assignment replaces it for all of them."""
 
-    snapshot: tuple[Setup, Signature]
+    snapshot: "tuple[Setup, Signature]"
 
     @property
     def setup(self) -> Setup:
@@ -64,7 +62,7 @@ class PredictedWorld:
         return self.snapshot[0]
 
     @property
-    def homology(self) -> Signature:
+    def homology(self) -> "Signature":
         """Classes of paths, in space and time where obstacles move."""
         return self.snapshot[1]
 
@@ -115,7 +113,7 @@ class ProposalTables(NamedTuple):
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T FINER, width): `LawRows`
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
-    classes: Table  # of the signature of paths
+    classes: "Table"  # of the signature of paths
     marks: Any  # `Signature.rays` of the steps, by which classes differ among moving obstacles
     law_weight: float = 1.0  # share of a law that tells how the control changes near the start, where walls push too
 
@@ -138,7 +136,7 @@ class LawRows(NamedTuple):
     metric: Array  # (R, n) weights of squares that tell the nearest x_ref
 
     @classmethod
-    def of(cls, tables: ProposalTables, h: int, n: int, modes: int) -> LawRows:
+    def of(cls, tables: ProposalTables, h: int, n: int, modes: int) -> "LawRows":
         """Return the rows of proposal h for n states and so many modes per step; OptionError: there are no laws."""
         if tables.law.shape[2] == 0:
             raise OptionError(

@@ -13,8 +13,6 @@ The paths are cubic, p(s) = p0 + v0 s + c0 s^2 / 2 + c1 s^3 / 6: in a time tau t
 |a|max tau^2 / 2. That bound is what certificates march by.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cache
@@ -307,7 +305,7 @@ class MassSteering(CompiledSteering):
         check_positive(self, "q", "r", "top")
 
     @classmethod
-    def of(cls, problem: Problem) -> MassSteering:
+    def of(cls, problem: Problem) -> "MassSteering":
         """Take the optimum of a mass that controls accelerate, q constant, R a multiple of I; else OptionError."""
         d = problem.dynamics
         if d.control_kind != "acceleration":

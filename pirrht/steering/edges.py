@@ -1,7 +1,5 @@
 """Judge proposed motions: whether they are free, end in the goal, change the class."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache

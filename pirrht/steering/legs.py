@@ -1,7 +1,5 @@
 """Legs: straight lines in space and time at a constant speed, and what is free, crossed and paid along them."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

@@ -2,8 +2,6 @@
 
 Arcs and straight pieces at one speed are the motions of planar curves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -77,7 +75,7 @@ class Trajectory:
         lines = self.path.points(SPACING)
         return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
-    def faster(self, times: float) -> Trajectory:
+    def faster(self, times: float) -> "Trajectory":
         """Drive the path so many times as fast, for a system that controls move."""
         return replace(self, controls=times * self.controls, durations=self.durations / times)
 
@@ -118,7 +116,7 @@ class Surroundings(NamedTuple):
     traffic: Moving  # J obstacles
 
     @classmethod
-    def of(cls, space: FreeSpace, homology: Signature) -> Surroundings:
+    def of(cls, space: FreeSpace, homology: Signature) -> "Surroundings":
         """Take an examined scene and the classes of paths in it."""
         x, y = space.scene.goal.center.tolist()
         return cls(

@@ -6,8 +6,6 @@ equal buckets tells where a sector begins. Markers of a sector are tested exactl
 markers there are: its turns are (marker, turn) pairs, all other integers are 0 and never written down.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -42,7 +40,7 @@ class Cuts(Held, CutTable):
     """A `CutTable` together with the arrays that its addresses point to."""
 
     @classmethod
-    def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> Cuts:
+    def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> "Cuts":
         """Sort markers (M, 2) around the goal point (2,) [m]; `weights` (M,) are the additive keys of one turn."""
         M = len(markers)
         B = M if FEW_MARKERS < M else 1

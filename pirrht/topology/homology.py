@@ -1,7 +1,5 @@
 """Classes of planar paths about static and moving obstacles: rays that they cross, and angles (paper, section IV-A)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -112,20 +110,20 @@ class Homology(Signature):
         return PlanarTable(self.cuts, self.tracks, self.speed)
 
     @property
-    def static(self) -> Homology:
+    def static(self) -> "Homology":
         """Signature about the static markers only (J = 0)."""
         return replace(self, names=(), tracks=NO_TRACKS) if self.J else self
 
-    def with_goal(self, goal: Array) -> Homology:
+    def with_goal(self, goal: Array) -> "Homology":
         """Signature about the same markers for another goal point (2,) [m]."""
         return replace(self, goal=goal)
 
-    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> Homology:
+    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> "Homology":
         """Signature about the same static markers and other moving obstacles."""
         names, tracks = trajectories_of(movers, footprint, self.goal)
         return replace(self, names=names, tracks=tracks)
 
-    def with_speed(self, speed: float) -> Homology:
+    def with_speed(self, speed: float) -> "Homology":
         """Signature about the same markers with bases at another speed [m/s]."""
         return replace(self, speed=speed)
 

@@ -9,8 +9,6 @@ point; the crossings of the base are taken off once. With g the goal point seen 
 seen from the goal point, a path is on the ray where g x r = 0 and g . r + g . g < 0.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 
@@ -166,7 +164,7 @@ class RayTable(NamedTuple):
     @classmethod
     def of(
         cls, tracks: MarkerTrajectories, weight: IntArray, goal: Array, x: Array, times: Array, arrival: float
-    ) -> RayTable:
+    ) -> "RayTable":
         """Mark paths from x (n,) over steps that end at times (T + 1,); its base arrives at a time [s].
 
         `weight` (J,) are the additive keys of one turn, `goal` (2,) is the goal point [m].

@@ -5,8 +5,6 @@ has no marker. An inflated shape P_i is the set of planar points p with d_i(p) a
 distance from a convex solid, is convex, and so is every minimisation below.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -89,7 +87,7 @@ def continued(
     return tuple(found)
 
 
-def _component(planar: _Planar, members: list[int]) -> Component | None:
+def _component(planar: "_Planar", members: list[int]) -> Component | None:
     distinct = np.unique(planar.collision.first[members]).tolist()
     inside = [i for i in distinct if planar.common(i, i, planar.world.lower, planar.world.upper) is not None]
     if not inside:

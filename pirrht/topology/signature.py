@@ -4,8 +4,6 @@ A kind of signatures is a set of kernels, and a class that makes the numbers tha
 `topology/` calls the kernels by their record, and imports no kind.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cache
@@ -122,19 +120,19 @@ class Signature(ABC):
         """Numbers that its kernels take."""
 
     @property
-    def static(self) -> Signature:
+    def static(self) -> "Signature":
         """Signature about the static obstacles only; here there are no others."""
         return self
 
     @abstractmethod
-    def with_goal(self, goal: Array) -> Signature:
+    def with_goal(self, goal: Array) -> "Signature":
         """Signature about the same obstacles for another goal point (d,) [m]."""
 
     @abstractmethod
-    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> Signature:
+    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> "Signature":
         """Signature about the same static obstacles and other moving ones."""
 
-    def with_speed(self, speed: float) -> Signature:
+    def with_speed(self, speed: float) -> "Signature":
         """Signature with bases at another speed [m/s], which only moving obstacles depend on."""
         return self
 

@@ -4,8 +4,6 @@ A turn is the angle of a path as a marker sees it, summed up piece by piece. For
 often they cross one ray.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache
@@ -49,7 +47,7 @@ class MarkerTrajectories(Held, TrajectoryTable):
     """A `TrajectoryTable` together with the arrays that the addresses point to."""
 
     @classmethod
-    def of(cls, paths: Sequence[Array], periods: Sequence[float], goal: Array) -> MarkerTrajectories:
+    def of(cls, paths: Sequence[Array], periods: Sequence[float], goal: Array) -> "MarkerTrajectories":
         """Follow paths (k, 3) of times [s] and places [m], repeated after periods [s] if not 0; goal point (2,) [m]."""
         every = np.vstack([np.zeros((0, 3)), *paths])
         columns = (np.ascontiguousarray(column) for column in every.T)
