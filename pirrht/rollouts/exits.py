@@ -9,7 +9,7 @@ from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import part
 from pirrht.jit.streams import FAR, normals
 from pirrht.rollouts.first_exit import at_crossing
-from pirrht.rollouts.step import KernelSpec, in_plane, pose_noise
+from pirrht.rollouts.step import Clear, KernelSpec, in_plane, pose_noise
 
 
 @cache
@@ -131,7 +131,7 @@ def exits(kind: KernelSpec) -> Any:
                 missed += share * alive
         if exit != INSIDE:
             state, until = ended(scratch, arena, dt, exit, share, rates, wall, state)
-        return state, exit, share, until, missed, (after, room, True)
+        return state, exit, share, until, missed, Clear(after, room, True)
 
     @part
     def on_path(setup, scratch, step, move, clear):  # type: ignore[no-untyped-def]
@@ -149,7 +149,7 @@ def exits(kind: KernelSpec) -> Any:
             hit = sweep_among(setup.world.moving, scratch.watch, way, now, dt, share)
             if hit <= share:
                 exit, share = COLLISION, hit
-        return exit, share, (before, room, False)
+        return exit, share, Clear(before, room, False)
 
     @part
     def on_swing(setup, tables, scratch, dt, rates, clear, ahead, state):  # type: ignore[no-untyped-def]
@@ -167,28 +167,29 @@ def exits(kind: KernelSpec) -> Any:
         there = pose(scratch.moved)
         left = max(left, clearance(arena.static, there))
         if min(room, left) > 0.0 and 2.0 * room * left > most:
-            return state, INSIDE, 1.0, 0.0, (before, left, False)
+            return state, INSIDE, 1.0, 0.0, Clear(before, left, False)
         after = distances(arena, there)
-        ahead = (after, max(left, after[0]), True)
+        ahead = Clear(after, max(left, after[0]), True)
         before = before if known else distances(arena, here)
         state, exit, share, missed = bridge(arena, here, there, before, after, cov, tables.weighed, state, False)
         return state, exit, share, missed, ahead
 
     @part
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]
-        (dt, now), until = step, 0.0 if move[0] else step[0]
+        dt, now = step
+        until = 0.0 if move.arrived else dt
         if not setup.bridge:
             there = pose(scratch.moved)
             exit = end(setup.world, there)
             if moving and clearance_among(setup.world.moving, there[0], there[1], now + dt) <= 0.0:
                 exit = COLLISION
-            return state, exit, 1.0, until, 0.0, (distances(setup.world, there), clear[1], True)
+            return state, exit, 1.0, until, 0.0, Clear(distances(setup.world, there), clear.room, True)
         if noisy_position:
-            return on_bridge(setup, tables, scratch, step, move[3], clear, state)
+            return on_bridge(setup, tables, scratch, step, move.rates, clear, state)
         exit, share, after = on_path(setup, scratch, step, move, clear)
         missed = 0.0
         if swings and exit == INSIDE:
-            state, exit, share, missed, after = on_swing(setup, tables, scratch, dt, move[3], clear, after, state)
+            state, exit, share, missed, after = on_swing(setup, tables, scratch, dt, move.rates, clear, after, state)
         return state, exit, share, until, missed, after
 
     return judge

@@ -42,12 +42,12 @@ def aims(kind: KernelSpec) -> Any:
 
     takes_law, gated, moving = kind.takes_law, kind.gated, kind.moving is not None
     along_noise, homing_of, climbs = pose_noise(kind).along, kind.homing, kind.traits.isotropic_point
-    _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
+    column = law_columns(n, modes)
 
     @part
     def off(x, row, k):  # type: ignore[no-untyped-def]
         """Return how far state k is from that of a law's row at an address."""
-        apart = x[k] - load_float64(row, there + k)
+        apart = x[k] - load_float64(row, column.state + k)
         return wrapped(apart) if (angles >> k) & 1 else apart
 
     @part
@@ -56,7 +56,7 @@ def aims(kind: KernelSpec) -> Any:
         total = 0.0
         for k in range(n):
             apart = off(x, row, k)
-            total += load_float64(row, metric + k) * apart * apart
+            total += load_float64(row, column.metric + k) * apart * apart
         return total
 
     @part
@@ -93,13 +93,13 @@ def aims(kind: KernelSpec) -> Any:
         """Write `a` of a law's row s."""
 
         row = tables.law.ctypes.data + 8 * tables.law.shape[2] * (tables.law.shape[1] * g + s)
-        steep = load_float64(row, end + 1)
+        steep = load_float64(row, column.steepest)
         for k in range(n):
             scratch.apart[k] = off(scratch.x, row, k)
         for j in range(modes):
-            total = load_float64(row, j)
+            total = load_float64(row, column.mean + j)
             for k in range(n):
-                total += load_float64(row, modes + k * modes + j) * scratch.apart[k]
+                total += load_float64(row, column.gains + k * modes + j) * scratch.apart[k]
             scratch.a[g, j] = max(-steep, min(steep, total))
 
     @part

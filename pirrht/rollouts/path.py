@@ -39,7 +39,8 @@ from pirrht.systems.dynamics import no_drift
 from pirrht.topology.signature import NO_CLASSES, SignatureKernels
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, pose_noise, shapes_for, walls_for,
+    NO_WALLS, Clear, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, pose_noise, shapes_for,
+    walls_for,
 )  # fmt: skip
 
 
@@ -47,7 +48,7 @@ from pirrht.rollouts.step import (  # isort: skip
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     m, modes, has_laws = kind.m, kind.modes, kind.takes_law and not kind.gated
-    *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
+    column = law_columns(kind.n, modes)
     matvec = vectors.matvec(modes, modes)
     axpy = vectors.axpy(modes)
     even, steps = modes + modes % 2, kind.abreast
@@ -63,12 +64,12 @@ def log_ratios(kind: KernelSpec) -> Any:
         noise, size = scratch.fresh.ctypes.data + 8 * even * (i % steps), dt
         if g != h:  # from what was drawn under h, the noise that g would have had to draw
             axpy(off.ctypes.data, drawn.ctypes.data, 1.0, scratch.a.ctypes.data + 8 * scratch.a.shape[1] * g, -dt)
-            matvec(scratch.normal.ctypes.data, row + 8 * inverse, off.ctypes.data)
+            matvec(scratch.normal.ctypes.data, row + 8 * column.inverse, off.ctypes.data)
             noise, size = scratch.normal.ctypes.data, 1.0
         for j in range(modes):
             one = load_float64(noise, j)
             gained += drawn[j] * drawn[j] - size * one * one
-        return 0.5 * gained / dt - load_float64(row, end)
+        return 0.5 * gained / dt - load_float64(row, column.log_det)
 
     @part
     def add_log_ratios(ratio, tables, scratch, h, i, dt, until, shaped):  # type: ignore[no-untyped-def]
@@ -154,6 +155,14 @@ class Kept(NamedTuple):
     states: Array  # (T+1, n), written
     applied: Array  # (T, m) control carried up to the exit, as a mean over each step
     now: Array  # (2, m) its integral over the window without the proposal's part; that part at the start, no wall drift
+
+
+class Stretch(NamedTuple):
+    """A stretch of time over which exposure to walls is judged."""
+
+    exposed: float  # until it began [1/sqrt(s)]
+    since: float  # time since then [s]; negative: none has begun
+    began: float  # gap then [m]
 
 
 class Scratch(NamedTuple):
@@ -286,14 +295,14 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
 
     @part
     def expose(scratch, static, stretch, before, rates, close):  # type: ignore[no-untyped-def]
-        """Judge the stretch of time that ends here: (exposure until now, its time, gap at its beginning)."""
+        """Judge the stretch of time that ends here; return the next one."""
         exposed, since, began = stretch
         if since < 0.0 or since >= TUNING.stretch:
             gap, deviation = gap_of(scratch, static, before, rates, close)
             if since > 0.0:
                 exposed += exposure(np.float32(began), np.float32(gap), np.float32(deviation), np.float32(since))
-            return exposed, 0.0, gap
-        return exposed, since, began
+            return Stretch(exposed, 0.0, gap)
+        return stretch
 
     @part
     def keep_state(keep, i, x):  # type: ignore[no-untyped-def]
@@ -318,9 +327,9 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
         key = begin_class(tables.marks, pose(x), scratch.sides)
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
-        stretch = 0.0, -1.0, 0.0  # exposure to walls, and what `expose` judges it by
+        stretch = Stretch(0.0, -1.0, 0.0)
         known = (covariance(scratch.B), False, no_walls)
-        clear = (distances(setup.world, pose(x)), 0.0, True)
+        clear = Clear(distances(setup.world, pose(x)), 0.0, True)
 
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
@@ -328,23 +337,21 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             while left > 0.0 and exit == INSIDE:
                 now = origin.time + times[i] + done
                 where = (i, whole, i == 0 and done == 0.0)
-                rates, dt, walls, close = evaluate(setup, tables, scratch, known, clear[0], left, now)
+                rates, dt, walls, close = evaluate(setup, tables, scratch, known, clear.distances, left, now)
                 if noisy_position:
-                    stretch = expose(scratch, setup.world.static, stretch, clear[0], rates, close)
-                stretch = stretch[0], stretch[1] + dt, stretch[2]
+                    stretch = expose(scratch, setup.world.static, stretch, clear.distances, rates, close)
+                stretch = Stretch(stretch.exposed, stretch.since + dt, stretch.began)
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
                 relax(keep, scratch, h, tables.law_weight, owed)
-                shaped = shapes(setup, dt, whole, rates, clear[0][2])
+                shaped = shapes(setup, dt, whole, rates, clear.distances)
                 state = draw(tables, scratch, state, sign, h, i, dt, shaped)
-                motion_of = move(setup, scratch, dt, rates)
+                step = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 there = pose(scratch.moved)
                 key += key_of_step(tables.classes, pose(x), there)
-                state, exit, share, until, missed, clear = judge(
-                    setup, tables, scratch, (dt, now), motion_of, clear, state
-                )
-                known = motion_of[3], curved_step and not motion_of[0], walls
+                state, exit, share, until, missed, clear = judge(setup, tables, scratch, (dt, now), step, clear, state)
+                known = step.rates, curved_step and not step.arrived, walls
                 since = (done + (until if until > 0.0 else dt * share)) / whole
                 key += follow_class(tables.marks, i, min(since, 1.0), there, scratch.sides)
                 add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until, shaped)
@@ -355,7 +362,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 copy_row(scratch.moved, x)
             keep_state(keep, i + 1, x)
             if exit != INSIDE:
-                return work, key, exit, i + 1, done, log_survival, stretch[0]
-        return work, key, 0, T, times[T] - times[T - 1], log_survival, stretch[0]
+                return work, key, exit, i + 1, done, log_survival, stretch.exposed
+        return work, key, 0, T, times[T] - times[T - 1], log_survival, stretch.exposed
 
     return one_path, scratch_for(kind)

@@ -27,6 +27,23 @@ NO_WALLS = {2: (ONE, (ZERO, ZERO), ONE, (ZERO, ZERO)), 3: (ONE, (ZERO, ZERO, ZER
 SWAY = 1.0 / math.sqrt(12.0)  # deviation of the mean of a step's noise from its middle, in deviations of the noise
 
 
+class Clear(NamedTuple):
+    """What is free at a state, as far as it is known."""
+
+    distances: Any  # `SpaceKernels.distances`, perhaps those of an earlier state
+    room: float  # clearance at least [m]
+    known: bool  # whether the distances are those of the state
+
+
+class Moved(NamedTuple):
+    """How a step moves the state."""
+
+    arrived: bool  # it enters the goal straight ahead before its noise matters: then that is zero
+    ahead: float  # the share of it until then
+    turn: float  # how much its path bends [rad]
+    rates: Any  # covariance of the pose per second
+
+
 class KernelSpec(NamedTuple):
     """A kind of dynamics and cost rate for which kernels are compiled; functions are numba's."""
 
@@ -127,9 +144,10 @@ def gap_for(kind: KernelSpec) -> Any:
 
     @part
     def gap_of(scratch, static, before, rates, close):  # type: ignore[no-untyped-def]
-        gap = min(before[0], before[1])
+        gap, border, _ = before[:3]
         if along_line:
-            gap = min(facing(static, pose(scratch.x), before, rates), before[1])
+            gap = facing(static, pose(scratch.x), before, rates)
+        gap = min(gap, border)
         gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
         return max(gap, 0.0), math.sqrt(spread(static, rates, along_line))
 
@@ -161,13 +179,13 @@ def length_for(kind: KernelSpec) -> Any:
     def narrowest(tables, scratch, arena, rates, before, left, close):  # type: ignore[no-untyped-def]
         """Return the distance that the step is fitted to, and what fitting scales its square by."""
         scale = 1.0 / (9.0 * spread(arena.static, rates, along_line))
-        gap = before[0]
+        gap, border, to_rim = before[:3]
 
         if along_line and gap > 0.0 and scale * gap * gap < left:
             gap = facing(arena.static, pose(scratch.x), before, rates)
         if moving:
             gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
-        return max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0), scale
+        return max(min(min(gap, border), max(to_rim, TUNING.rim * arena.radius)), 0.0), scale
 
     @part
     def fitted(setup, tables, scratch, rates, before, left, now):  # type: ignore[no-untyped-def]
@@ -308,14 +326,15 @@ def shapes_for(kind: KernelSpec) -> Any:
     noisy_position, gated, flat = kind.noisy_position, kind.gated, in_plane(len(kind.reads))
 
     @part
-    def shapes(setup, dt, whole, rates, to_goal):  # type: ignore[no-untyped-def]
+    def shapes(setup, dt, whole, rates, distances):  # type: ignore[no-untyped-def]
         if gated:
             return False
         if not noisy_position:
             return True
         way = TUNING.entering * math.sqrt(2.0 * setup.least_rate) * dt + TUNING.deviations * math.sqrt(dt)
         xx, _, yy = flat(rates)
-        return dt == whole and to_goal > way * math.sqrt(xx + yy)
+        _, _, to_rim = distances[:3]
+        return dt == whole and to_rim > way * math.sqrt(xx + yy)
 
     return shapes
 
@@ -325,7 +344,7 @@ def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
     m, modes = kind.m, kind.modes
 
-    shape = law_columns(kind.n, modes)[3]
+    column = law_columns(kind.n, modes).deviation
     even = modes + modes % 2
     steps = kind.abreast
 
@@ -342,7 +361,7 @@ def noise_for(kind: KernelSpec) -> Any:
         source = scratch.fresh.ctypes.data + 8 * even * (i % steps)
         if shaped and scratch.stage[h] < tables.law_length[h]:
             row = tables.law.ctypes.data + 8 * tables.law.shape[2] * (tables.law.shape[1] * h + scratch.stage[h])
-            matvec(drawn.ctypes.data, row + 8 * shape, source)
+            matvec(drawn.ctypes.data, row + 8 * column, source)
             source = drawn.ctypes.data
         axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), scratch.a.ctypes.data + 8 * scratch.a.shape[1] * h, dt)
         for j in range(m):
@@ -354,11 +373,7 @@ def noise_for(kind: KernelSpec) -> Any:
 
 @cache
 def motion(kind: KernelSpec) -> Any:
-    """Build the kernel that writes where a step leads to `moved`.
-
-    It returns whether the step enters the goal straight ahead before its noise matters (then y = 0), the share of it
-    until then, how much its path bends [rad], and the covariance of the position per second.
-    """
+    """Build the kernel that writes where a step leads to `scratch.moved`, and returns how (`Moved`)."""
     n = kind.n
     m = kind.m
     rows = kind.rows
@@ -459,6 +474,6 @@ def motion(kind: KernelSpec) -> Any:
         if curved_step and not arrived:  # between two steps its velocity changes, and its path is no chord
             drift(moved, setup.parameters, f)
             turn = turn_of(vx, vy, f[px], f[py], moved[px] - scratch.x[px], moved[py] - scratch.x[py], dt)
-        return arrived, ahead, turn, rates
+        return Moved(arrived, ahead, turn, rates)
 
     return move

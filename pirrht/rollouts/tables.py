@@ -5,7 +5,9 @@ A tube has cross-sections along a reference; their nodes know the slope of log p
 nodes and cross-sections these are interpolated; behind the last one psi is that of a disc in the open.
 """
 
+import itertools
 import math
+from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,16 +27,6 @@ if TYPE_CHECKING:  # records hold what geometry and topology build, and need nei
     from pirrht.topology.signature import Signature, Table
 
 FINER = TUNING.law_rows
-
-
-def law_shapes(n: int, modes: int) -> tuple[tuple[int, ...], ...]:
-    """Return the shapes of `LawRows` in one row, for n states under noise of so many modes per step."""
-    return (modes,), (n, modes), (n,), (modes, modes), (modes, modes), (), (), (n,)
-
-
-def law_columns(n: int, modes: int) -> list[int]:
-    """Return where each of `LawRows` begins in a row of a law, and last how many numbers there are."""
-    return [0, *np.cumsum([math.prod(shape) for shape in law_shapes(n, modes)]).tolist()]
 
 
 class Setup(NamedTuple):
@@ -145,10 +137,23 @@ class LawRows(NamedTuple):
 
         law = tables.law[h]
         at = law_columns(n, modes)
-        shapes = law_shapes(n, modes)
-
-        rows = zip(at[:-1], at[1:], shapes, strict=True)
+        rows = zip(at[:-1], at[1:], law_shapes(n, modes), strict=True)
         return cls(*(law[:, start:end].reshape(len(law), *shape) for start, end, shape in rows))
+
+
+LawColumns: Any = namedtuple("LawColumns", (*LawRows._fields, "width"))  # type: ignore[misc]
+
+
+def law_shapes(n: int, modes: int) -> LawRows:
+    """Return the shapes of `LawRows` in one row, for n states under noise of so many modes per step."""
+    shapes: Any = (modes,), (n, modes), (n,), (modes, modes), (modes, modes), (), (), (n,)
+    return LawRows._make(shapes)
+
+
+def law_columns(n: int, modes: int) -> Any:
+    """Return in which column of a law each of `LawRows` begins, and the `width` of a row, as fields."""
+    sizes = map(math.prod, law_shapes(n, modes))
+    return LawColumns(*itertools.accumulate(sizes, initial=0))
 
 
 class Origin(NamedTuple):
