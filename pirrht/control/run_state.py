@@ -235,7 +235,7 @@ class Route:
         """Continue from x (n,) at a time [s] under another prediction; the class of the path ahead keeps its name."""
         before = self.prediction
         offset = np.zeros(0)
-        path = np.array([[*x[:2], time]])
+        path = after.homology.at(x, time)[None]
 
         if before is not None:
             if self.favourite is not None:

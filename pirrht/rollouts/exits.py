@@ -23,7 +23,7 @@ def ended_for(kind: KernelSpec) -> Any:
     isotropic = kind.traits.point  # the noise of a step is its displacement; then an exit cuts both alike
     pose, flat, noise = pose_at(kind.reads), in_plane(len(kind.reads)), pose_noise(kind)
     towards_exit, rim = kind.space.exit, kind.space.rim
-    px, py = kind.reads[:2]
+    px, py = kind.position
 
     @part
     def as_point(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]

@@ -283,7 +283,7 @@ class Path:
         self.moved = x + f * dt + self.B @ self.y
         if not self.kind.curved_step:
             return 1.0, 0.0
-        place = self.reads[:2]
+        place = list(self.kind.position)
         return 1.0, turn_of(*self.f[place], *self.d.f(self.moved)[place], *(self.moved - x)[place], dt)
 
     def drift_half_way(self) -> Array:
@@ -359,7 +359,7 @@ class Path:
             direction, to_rim, alone = self.space.rim(self.world, here, self.covariance(self.dt))
             if not (self.kind.along_line and self.outcome == GOAL and alone):
                 return
-            along = direction @ self.B[self.reads[:2]]
+            along = direction @ self.B[list(self.kind.position)]
             between = np.empty(len(self.y) + 1)
             fill_normals(np.uint64(self.random), len(between) // 2, between)
             self.y = share * self.y + math.sqrt(share * (1.0 - share) * self.dt) * between[: len(self.y)]

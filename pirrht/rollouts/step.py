@@ -64,6 +64,11 @@ class KernelSpec(NamedTuple):
     classes: SignatureKernels | None = None  # kernels of the signature of paths; None: their keys are 0
 
     @property
+    def position(self) -> tuple[int, ...]:
+        """Indices of the states that are the position."""
+        return self.reads[: self.space.position]
+
+    @property
     def noisy_position(self) -> bool:
         """Tell whether noise acts on the position."""
         return self.traits.noisy_position
@@ -390,7 +395,7 @@ def motion(kind: KernelSpec) -> Any:
     covariance = pose_noise(kind).covariance
     pose, sweep = pose_at(kind.reads), kind.space.sweep
     onward = vectors.combined(len(kind.reads))
-    px, py = kind.reads[:2]
+    px, py = kind.position
 
     @part
     def shaken(scratch, share):  # type: ignore[no-untyped-def]
