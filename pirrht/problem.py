@@ -148,7 +148,9 @@ class Problem:
         count = 1 if self.dynamics.constant and not callable(self.R) else 16
         lower, upper = self.dynamics.box(self.scene)
         fraction = np.tile(np.linspace(0.0, 1.0, count)[:, None], self.dynamics.n)
-        fraction[:, list(self.dynamics.position)] = (np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])) % 1.0
+        fraction[:, list(self.dynamics.position)] = (
+            np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])
+        ) % 1.0
         return list(lower + fraction * (upper - lower))
 
 

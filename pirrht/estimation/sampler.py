@@ -125,8 +125,7 @@ class PathIntegral:
 
     def set_prediction(self, moving: "Moving", homology: "Signature") -> None:
         """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
-        world = self.setup.world._replace(moving=moving)
-        self.proposals.world.snapshot = self.setup._replace(world=world), homology
+        self.proposals.world.snapshot = self.setup._replace(world=self.setup.world._replace(moving=moving)), homology
 
     def warm_up(self, *, optima: bool = True) -> None:
         """Compile the kernels of guides and samples, so that the first plan takes no longer than the others.

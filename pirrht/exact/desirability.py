@@ -193,8 +193,7 @@ class Desirability:
         Args:
             margin: by which walls that are hit are behind those of the problem [m].
         """
-        outcome = self._walk(x, samples, seed, t, step, margin=margin)[-1]
-        share = float(np.mean(outcome == COLLISION))
+        share = float(np.mean(self._walk(x, samples, seed, t, step, margin=margin)[-1] == COLLISION))
         return share, math.sqrt(max(share * (1.0 - share), 1.0 / samples) / samples)
 
     def _walk(

@@ -189,8 +189,7 @@ class Settling:
         """Take note of the change by a round; infinite: nothing is known yet."""
         if self._least < change < math.inf:
             self._first = max(self._first, change)
-            fallen = math.log(self._first / change) / math.log(self._first / self._least)
-            self._share = max(self._share, fallen)
+            self._share = max(self._share, math.log(self._first / change) / math.log(self._first / self._least))
         self._progress(self._share)
 
 

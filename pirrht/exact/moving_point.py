@@ -146,8 +146,7 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
                 f"psi has not settled after {TUNING.moving_periods} periods of {period:g} s of the repeated "
                 "motions; choose a longer period or a greater q"
             )
-    last = len(times) - 1
-    kept = np.unique(np.concatenate([np.arange(last, -1, -thinning), [0]]))
+    kept = np.unique(np.concatenate([np.arange(len(times) - 1, -1, -thinning), [0]]))
     frames = np.empty((len(kept), *now.shape), dtype=np.float32)
     frames[-1] = now
     for k, earlier in _back(domain, step, times, now, 0, progress):

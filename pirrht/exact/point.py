@@ -137,9 +137,7 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
 
     cut = neighbour < 0
     rows = np.nonzero(cut)[0]
-    heads = points[flat[cut]]
-
-    ends, at_goal = ends_of_arms(domain, points[free], rows, heads, spacing)
+    ends, at_goal = ends_of_arms(domain, points[free], rows, points[flat[cut]], spacing)
     arms[cut] = (ends - points[free][rows]) @ [1.0, 1j] / spacing
     log_end[cut] = np.where(at_goal, 0.0, -wall)
     s = _lengths(neighbour, spacing * np.abs(arms), log_end, wavenumber)

@@ -56,8 +56,7 @@ def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
     body = scene.body.radius
     clearance = float(collision.true_distance(point[None])[0]) - body
     radii = [body + min(share * clearance, clearance - SHORTEST) for share in (0.5, 0.25, 0.0)]  # kept of the clearance
-    least = 2.0 * (scene.margin - clearance) + TUNING.turning_reach * body
-    discs = [least]
+    discs = [2.0 * (scene.margin - clearance) + TUNING.turning_reach * body]
     while discs[-1] < TUNING.max_reach * body:
         discs.append(2.0 * discs[-1])
     for radius, disc in product(radii, discs[:-1]):
@@ -158,7 +157,6 @@ def waived_along(scene: Scene, line: Array) -> float:
     for disc in scene.narrow:
         away = np.array([disc.x, disc.y]) - tails
         share = np.clip((away * span).sum(axis=1) / square, 0.0, 1.0)
-        gap = np.hypot(*(away - share[:, None] * span).T)
-        if gap.min(initial=np.inf) < scene.robot_radius:
+        if np.hypot(*(away - share[:, None] * span).T).min(initial=np.inf) < scene.robot_radius:
             most = max(most, disc.less)
     return most

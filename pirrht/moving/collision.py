@@ -190,8 +190,7 @@ def _off_chord(begin: Array, end: Array) -> float:
 def radius_of(solids: tuple[Obstacle, ...]) -> float:
     """Return how far an obstacle's solids extend from its origin, seen from above, at most [m]."""
     every = Solids.of(solids)
-    far = np.maximum(np.abs(every.low), np.abs(every.high))
-    return float(np.hypot(*far.T).max(initial=0.0))
+    return float(np.hypot(*np.maximum(np.abs(every.low), np.abs(every.high)).T).max(initial=0.0))
 
 
 def travels(motion: Motion, radius: float) -> Array:

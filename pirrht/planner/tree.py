@@ -167,8 +167,7 @@ class HomologyTree:
         more = len(edges.near) + len(back.near)
         pairs = len(edges.turns.marker) + len(back.turns.marker)
         storage.make_room(E=self.graph.size[SIZE.edges] + more, P=self.graph.size[SIZE.pairs] + pairs)
-        base = self.homology.base(x)
-        insert(storage.places, storage.vertices, base, edges, back, self.checker.around, self.rules)
+        insert(storage.places, storage.vertices, self.homology.base(x), edges, back, self.checker.around, self.rules)
 
     def relax(self) -> None:
         """Relax costs until no node improves (`rewire.relaxed`)."""
@@ -201,8 +200,7 @@ class HomologyTree:
 
     def _near(self, x: Array, states: Array, *, forward: bool, least: int = 0) -> NDArray[np.int64]:
         """Find vertices near x (n,) among states (V, n), at least so many (NearForward and NearBackward)."""
-        count = max(near_count(len(states), self.steering.n), least)
-        return self.steering.nearest(states, x, count, forward=forward)
+        return self.steering.nearest(states, x, max(near_count(len(states), self.steering.n), least), forward=forward)
 
     # -- Algorithm 5: ExtractReference -----------------------------------------------------------------------------
 
@@ -226,8 +224,7 @@ class HomologyTree:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        query = references.ReferenceQuery(self, shortened, before or {}, over_budget, threads, most)
-        return query.extract(x)
+        return references.ReferenceQuery(self, shortened, before or {}, over_budget, threads, most).extract(x)
 
     def at(self, x: Array, time: float) -> Array:
         """State to query the tree at, for a system's state x (n,) at a time [s]."""
@@ -262,8 +259,7 @@ class HomologyTree:
         self._grown(self.states[:0], 0)
         more = 1.0 + 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
         edges = int(more * self.graph.size[SIZE.edges])
-        pairs = int(more * self.graph.size[SIZE.pairs])
-        self.storage.make_room(V=vertices, E=edges, P=pairs)
+        self.storage.make_room(V=vertices, E=edges, P=int(more * self.graph.size[SIZE.pairs]))
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""

@@ -206,8 +206,7 @@ def chosen(log_weight: Array, log_share: Array, most: int, tuning: ProposalTunin
     signed = base + (weight - base) / power
     size = np.abs(signed)
     total = float(size.sum())
-    edges = np.floor(np.cumsum(size) / total * most + 0.5)
-    number = np.diff(edges, prepend=0.0)
+    number = np.diff(np.floor(np.cumsum(size) / total * most + 0.5), prepend=0.0)
     found = np.flatnonzero(number)
     worth = 1.0 / float((signed**2).sum())
     counts = worth * number[found, None] / most * np.column_stack([np.ones(len(found)), total * np.sign(signed[found])])

@@ -246,6 +246,5 @@ class NearWalls:
             missing = self.flat.missing(mean)
             return mean + missing - self.push, TUNING.unsure * np.abs(missing)
         hard = float(np.linalg.norm(self.push))
-        rest = float(np.linalg.norm(mean))
-        share = hard / (hard + rest) if hard > 0.0 else 0.0
+        share = hard / (hard + float(np.linalg.norm(mean))) if hard > 0.0 else 0.0
         return mean, np.abs(share * (mean - proposed)) + np.abs(self.clipped)

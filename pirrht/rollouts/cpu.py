@@ -67,8 +67,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
 
     def sample(setup: Setup, tables: ProposalTables, origin: Origin, start: int, stop: int, paths: Paths) -> None:
         states = np.empty((stop, 0, 0))  # nothing is kept under way
-        applied = np.empty((stop, 0, m))
-        simulate(setup, tables, origin, np.arange(stop), start, stop, paths, states, applied)
+        simulate(setup, tables, origin, np.arange(stop), start, stop, paths, states, np.empty((stop, 0, m)))
 
     def replay(
         setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray, states: Array, applied: Array,
@@ -150,8 +149,7 @@ def kind_of(
     traits = Traits.of(problem)
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     # For samples that outlive their law; among moving obstacles points have one too.
-    straight = moving is not None and traits.free_point and d.homing is no_homing
-    homing = straight_home if straight else d.homing
+    homing = straight_home if moving is not None and traits.free_point and d.homing is no_homing else d.homing
     return KernelSpec(
         drift=as_jitable(d.drift),
         control_block=None if traits.constant_gain else as_jitable(_function(d.control_block)),

@@ -24,8 +24,7 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
     det = B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
     a = (B[1, 1] * dx - B[0, 1] * dy) / det
     b = (B[0, 0] * dy - B[1, 0] * dx) / det
-    size = math.sqrt(a * a + b * b) + 1e-12
-    scale = math.sqrt(2.0 * rate) / size
+    scale = math.sqrt(2.0 * rate) / (math.sqrt(a * a + b * b) + 1e-12)
 
     out[0] = scale * a
     out[1] = scale * b

@@ -141,8 +141,7 @@ class Path:
         here, there = self.pose(self.x), self.pose(self.moved)
         share = self.judge(here, there, ahead, turn, clock)
         self.key += self.classes.key(self.tables.classes, here, there)
-        since = (done + self.dt * share) / whole
-        self.key += self.among.follow(self.tables.marks, i, since, there, self.sides)
+        self.key += self.among.follow(self.tables.marks, i, (done + self.dt * share) / whole, there, self.sides)
         for g in range(len(self.a)):
             self.weigh(g)
         self.record(i, done, applied, whole)

@@ -83,9 +83,7 @@ class DesirabilityTubes(NamedTuple):
 def no_tubes(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
     """Allocate H tubes of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
     place = np.zeros((H, C, PLACE), np.float32)
-    slope = np.zeros((H, C, J, KNOWN), np.float32)
-
-    return DesirabilityTubes(np.zeros(H, np.int64), place, slope, decay)
+    return DesirabilityTubes(np.zeros(H, np.int64), place, np.zeros((H, C, J, KNOWN), np.float32), decay)
 
 
 class ProposalTables(NamedTuple):
@@ -152,8 +150,7 @@ def law_shapes(n: int, modes: int) -> LawRows:
 
 def law_columns(n: int, modes: int) -> Any:
     """Return in which column of a law each of `LawRows` begins, and the `width` of a row, as fields."""
-    sizes = map(math.prod, law_shapes(n, modes))
-    return LawColumns(*itertools.accumulate(sizes, initial=0))
+    return LawColumns(*itertools.accumulate(map(math.prod, law_shapes(n, modes)), initial=0))
 
 
 class Origin(NamedTuple):
@@ -233,9 +230,7 @@ def tube_of(tubes, g):  # type: ignore[no-untyped-def]
     """Return a tube as `tube_at` takes it: addresses of its sections and nodes, last section, and J."""
     _, C, J, _ = tubes.slope.shape
     place = tubes.place.ctypes.data + 4 * PLACE * g * C
-    slope = tubes.slope.ctypes.data + 4 * KNOWN * g * C * J
-
-    return place, slope, tubes.count[g] - 1, J
+    return place, tubes.slope.ctypes.data + 4 * KNOWN * g * C * J, tubes.count[g] - 1, J
 
 
 @part
@@ -313,8 +308,6 @@ def slope_along(tubes, g, goal, x, y, walls, out):  # type: ignore[no-untyped-de
     """Write grad log psi [1/m] at (x, y) [m] in tube g to out (2,); goal's centre [m] and walls as of `slope_of`."""
     x, y = np.float32(x), np.float32(y)
     numbers = np.empty(NUMBERS, np.float32)
-    tube = tube_of(tubes, g)
-
-    tube_at(tube, 0, tubes.decay, goal, x, y, numbers, 0, 1)
+    tube_at(tube_of(tubes, g), 0, tubes.decay, goal, x, y, numbers, 0, 1)
     c, (nx, ny), d, (mx, my) = walls
     out[0], out[1] = slope_of(numbers, 0, 1, (c, nx, ny, d, mx, my))

@@ -101,8 +101,7 @@ class StraightLine(Lines):
         R = problem.control_cost(np.zeros(problem.dynamics.n))
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):
             raise OptionError("straight lines are optimal only for R a multiple of the identity; bring a Steering")
-        speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
-        return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
+        return cls(pace=float(np.sqrt(2.0 * problem.least_rate / R[0, 0])), cost_rate=2.0 * problem.least_rate)
 
     cost_per_meter = property(lambda self: self.cost_rate / self.pace, doc="Cost rate over speed [cost/m].")
 

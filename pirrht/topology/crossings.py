@@ -16,10 +16,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.arcs import along, center_of, turns_of_chord, turns_of_piece
 from pirrht.jit.jit import borrowing, inlined, load_float64, load_int32, load_int64
 from pirrht.jit.records import Held
-
-FEW_MARKERS = 8  # up to so many markers are all tested: measured as faster than finding their sector
-SECTOR_MARGIN = 1e-9  # sectors are widened by so much for rounding, of 4 for a whole turn
-GOAL_MARGIN = 1e-6  # a segment that passes the goal point this close, against its length, tests all markers
+from pirrht.topology.tuning import TUNING
 
 
 class CutTable(NamedTuple):
@@ -43,7 +40,7 @@ class Cuts(Held, CutTable):
     def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> "Cuts":
         """Sort markers (M, 2) around the goal point (2,) [m]; `weights` (M,) are the additive keys of one turn."""
         M = len(markers)
-        B = M if FEW_MARKERS < M else 1
+        B = M if TUNING.few_markers < M else 1
         away = np.array([direction(dx, dy) for dx, dy in markers - goal]).reshape(M)
         order = np.argsort(away, kind="stable")
         start = np.searchsorted(np.minimum((away[order] * (0.25 * B)).astype(np.int64), B - 1), np.arange(B + 1))
@@ -79,17 +76,17 @@ def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     cross = ux * vy - uy * vx
     dot = ux * vx + uy * vy
 
-    if dot <= 0.0 and abs(cross) <= -GOAL_MARGIN * dot:
+    if dot <= 0.0 and abs(cross) <= -TUNING.goal_margin * dot:
         return 0, cuts.M
     low = direction(ux, uy)
     high = direction(vx, vy)
 
     if cross < 0.0:
         low, high = high, low
-    if high < low - SECTOR_MARGIN:
+    if high < low - TUNING.sector_margin:
         high += 4.0
-    first = math.floor((low - SECTOR_MARGIN) * 0.25 * B)
-    last = math.floor((high + SECTOR_MARGIN) * 0.25 * B)
+    first = math.floor((low - TUNING.sector_margin) * 0.25 * B)
+    last = math.floor((high + TUNING.sector_margin) * 0.25 * B)
     if first < 0:
         first = first + B
         last = last + B
@@ -143,7 +140,7 @@ def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 def keys_of_steps(cuts, f, rows, n, keys, at):  # type: ignore[no-untyped-def]
     """Add the keys of n segments, (x, y) to (to_x, to_y) [m] in f from four places on, to `keys` from `at` on."""
     X, Y, NX, NY = rows
-    if FEW_MARKERS < cuts.M:
+    if TUNING.few_markers < cuts.M:
         for k in range(n):
             keys[at + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
         return

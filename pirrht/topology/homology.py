@@ -132,9 +132,7 @@ class Homology(Signature):
         if not self.J:
             return NO_RAYS
         weight = self.hash_weights[len(self.markers) :]
-        arrival = self.arrival(self.at(x, float(times[0])))
-
-        return RayTable.of(self.tracks, weight, self.goal, x, times, arrival)
+        return RayTable.of(self.tracks, weight, self.goal, x, times, self.arrival(self.at(x, float(times[0]))))
 
     def places(self, times: Array) -> Array:
         """Places of moving markers at times (T,) [s], (J, T, 2) [m]."""

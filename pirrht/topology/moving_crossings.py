@@ -20,7 +20,6 @@ from pirrht.jit.jit import inlined, kernel, load_float64, load_int64, part
 from pirrht.topology.crossings import Cuts, crossed
 from pirrht.topology.tracks import (
     BOX,
-    BOX_SPAN,
     MarkerTrajectories,
     crossing,
     crossings_of_step,
@@ -29,9 +28,7 @@ from pirrht.topology.tracks import (
     rows_of,
     seen_from,
 )
-
-OUTSIDE_MARGIN = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
-BASE_PIECE = 0.02  # the base of sampled paths is evaluated so often [s]: rays hardly turn in between
+from pirrht.topology.tuning import TUNING
 
 
 class MarkerTable(NamedTuple):
@@ -117,9 +114,9 @@ def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
         if period > 0.0:
             own -= max(math.floor(own / period), 0.0) * period
             left = period - own
-        i = min(max(int(own / BOX_SPAN), 0), last - box - 1)
+        i = min(max(int(own / TUNING.box_span), 0), last - box - 1)
         if period > 0.0 or i < last - box - 1:
-            left = min(left, (i + 1) * BOX_SPAN - own)
+            left = min(left, (i + 1) * TUNING.box_span - own)
         at = tracks.boxes + 8 * BOX * (box + i)
 
         one = one and _beyond(first, at)
@@ -149,7 +146,7 @@ def _beyond(line, box):  # type: ignore[no-untyped-def]
     x = load_float64(box, 0 if a > 0.0 else 2)
     y = load_float64(box, 1 if b > 0.0 else 3)
 
-    return a * x + b * y - c > OUTSIDE_MARGIN
+    return a * x + b * y - c > TUNING.outside_margin
 
 
 class RayTable(NamedTuple):
@@ -169,7 +166,7 @@ class RayTable(NamedTuple):
 
         `weight` (J,) are the additive keys of one turn, `goal` (2,) is the goal point [m].
         """
-        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / BASE_PIECE))
+        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / TUNING.base_piece))
         base = x[:2] + np.linspace(0.0, 1.0, len(fine))[:, None] * (goal - x[:2])
         seen, along = (_goal_seen(tracks, goal, some) for some in (times, fine))
         goal_x, goal_y = goal.tolist()

@@ -13,9 +13,9 @@ import numpy as np
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Obstacle
+from pirrht.topology.tuning import TUNING
 
 NOWHERE = np.full(2, np.inf)
-CUT_ROUNDS = 100  # parts cut off before two inflated shapes count as apart: each takes 37 % of the area
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -162,7 +162,7 @@ class _Planar:
         if np.any(low > high):
             return None
         polygon = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-        for _ in range(CUT_ROUNDS):
+        for _ in range(TUNING.cut_rounds):
             center, area = _centroid(polygon)
             excess = {k: self.distance(k, *center) - self.radius + shrunk for k in {i, j}}
             if max(excess.values()) <= 0:

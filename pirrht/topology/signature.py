@@ -198,8 +198,7 @@ class Signature(ABC):
         """
         line = np.vstack([path[:, : len(self.goal)], self.goal])
         parts = np.array([self.static.turns(np.array(pair)) for pair in zip(line[:-1], line[1:], strict=True)])
-        left = np.cumsum(parts[::-1], axis=0)
-        return float(np.abs(left).max(initial=0.0))
+        return float(np.abs(np.cumsum(parts[::-1], axis=0)).max(initial=0.0))
 
     def _timed(self, path: Array) -> Array:
         """Points (k, d + 1) of a path (k, n); times are 0 where nothing moves."""
