@@ -254,7 +254,8 @@ class ProposalBuilder:
         anew = not starts.optima and not short()
         names = [*map(run.route.homology.name, classes)]
         some = guidance.tuning.later_paces
-        paces = some[run.retries.count() % len(some)] if run.effort.weak else ()
+        turn = run.retries.count() % len(some)
+        paces = some[turn] if run.effort.weak else ()
 
         def improved(k: int) -> list[DDPGuide]:
             one = references[k]

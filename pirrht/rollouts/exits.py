@@ -183,7 +183,7 @@ def exits(kind: KernelSpec) -> Any:
             exit = end(setup.world, there)
             if moving and clearance_among(setup.world.moving, there[0], there[1], now + dt) <= 0.0:
                 exit = COLLISION
-            return state, exit, 1.0, until, 0.0, Clear(distances(setup.world, there), clear.room, True)
+            return state, exit, 1.0, until, 0.0, Clear(distances(setup.world, there), clear.least, True)
         if noisy_position:
             return on_bridge(setup, tables, scratch, step, move.rates, clear, state)
         exit, share, after = on_path(setup, scratch, step, move, clear)

@@ -101,9 +101,9 @@ class Path:
         self.near = np.empty((self.world.moving.J, WALL))
         self.watch = self.moving.watch(self.world.moving) if self.moving else None
         self.classes = kind.classes or NO_CLASSES
-        self.among = self.classes if self.moving else NO_CLASSES
-        self.sides = self.among.watch(tables.marks)
-        self.key = int(self.among.begin(tables.marks, self.pose(self.x), self.sides))
+        self.moving_classes = self.classes if self.moving else NO_CLASSES
+        self.sides = self.moving_classes.watch(tables.marks)
+        self.key = int(self.moving_classes.begin(tables.marks, self.pose(self.x), self.sides))
         self.work = self.log_survival = self.exposure = self.span = 0.0
         self.log_ratio = np.zeros(H)
         self.now = np.zeros(m)
@@ -141,7 +141,9 @@ class Path:
         here, there = self.pose(self.x), self.pose(self.moved)
         share = self.judge(here, there, ahead, turn, clock)
         self.key += self.classes.key(self.tables.classes, here, there)
-        self.key += self.among.follow(self.tables.marks, i, (done + self.dt * share) / whole, there, self.sides)
+        self.key += self.moving_classes.follow(
+            self.tables.marks, i, (done + self.dt * share) / whole, there, self.sides
+        )
         for g in range(len(self.a)):
             self.weigh(g)
         self.record(i, done, applied, whole)

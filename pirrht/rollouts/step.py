@@ -28,15 +28,15 @@ SWAY = 1.0 / math.sqrt(12.0)  # deviation of the mean of a step's noise from its
 
 
 class Clear(NamedTuple):
-    """What is free at a state, as far as it is known."""
+    """Clearance of a state, as far as it is known."""
 
     distances: Any  # `SpaceKernels.distances`, perhaps those of an earlier state
-    room: float  # clearance at least [m]
+    least: float  # clearance at least [m]
     known: bool  # whether the distances are those of the state
 
 
 class Moved(NamedTuple):
-    """How a step moves the state."""
+    """Outcome of a step's motion."""
 
     arrived: bool  # it enters the goal straight ahead before its noise matters: then that is zero
     ahead: float  # the share of it until then

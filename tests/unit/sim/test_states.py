@@ -66,8 +66,7 @@ def test_a_robot_in_space_is_another_adapter_and_a_line_in_the_registry(monkeypa
     adapter = ball.adapter
     assert isinstance(adapter, Space)
     assert (adapter.places, adapter.typed()) == (("x", "y", "z"), "X Y Z VX VY VZ")
-    start = adapter.start(data, model.site("start").id, None)
-    x = adapter.state_of(start)
+    x = adapter.state_of(adapter.start(data, model.site("start").id, None))
     assert x.tolist() == [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]
     assert adapter.drawn(x[None], 0.1).tolist() == [[1.0, 2.0, 3.0]]
     assert np.array(read_workspace(model, data, None, adapter.dimension)).tolist() == [

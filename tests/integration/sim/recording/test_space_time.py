@@ -25,8 +25,7 @@ RISE = 1.0  # m/s: the best speed sqrt(2 q / r) of q = 1, r = 2
 def recorded(tmp_path_factory):
     file = tmp_path_factory.mktemp("space_time") / "drive.rrd"
     drive = Moving("closing_door", vertices=100, samples=60)
-    frames = logged(drive.recorder(file), drive.frames(MAX_TIME))
-    return columns(file), drive, frames
+    return columns(file), drive, logged(drive.recorder(file), drive.frames(MAX_TIME))
 
 
 def pictures(known: dict[str, list], frames: list):
@@ -39,8 +38,8 @@ def test_samples_that_hit_a_moving_obstacle_are_reported_to_have_hit_it():
     drive = Moving("crossing", vertices=100, samples=200)
     start = drive.scene.start[:2]
     drive.controller.begin(start)
-    plan, integral = drive.controller.plan(start), drive.controller.path_integral
-    found = reasons(plan, integral, (), words_of(plan, integral, ()))
+    plan = drive.controller.plan(start)
+    found = reasons(plan, drive.controller.path_integral, (), words_of(plan, drive.controller.path_integral, ()))
     assert {reason.where for reason in found} - {""} == {"crosser"}
 
 
@@ -59,7 +58,6 @@ def test_outlines_on_the_map_are_where_the_body_is_going_to_be(recorded):
 
 def test_braids_are_the_references_of_all_classes_with_their_times_upward(recorded):
     table, drive, frames = recorded
-    goal = drive.scene.goal
     for frame, drawn in pictures(table["/spacetime/braids"], frames):
         assert len(drawn) == len(frame.plan.references)
         for line, reference in zip(drawn, frame.plan.references, strict=True):
@@ -67,7 +65,7 @@ def test_braids_are_the_references_of_all_classes_with_their_times_upward(record
             np.testing.assert_allclose(line[0], [*frame.plan.state, RISE * frame.time], atol=ROUNDING)
             assert line[-1, 2] == pytest.approx(RISE * way[-1, 2], abs=ROUNDING)
             assert way[-1, 2] - frame.time == pytest.approx(reference.trajectory.durations.sum())
-            assert np.linalg.norm(line[-1, :2] - goal.center) <= goal.radius + 0.02
+            assert np.linalg.norm(line[-1, :2] - drive.scene.goal.center) <= drive.scene.goal.radius + 0.02
             assert np.all(np.diff(line[:, 2]) >= 0.0)
 
 

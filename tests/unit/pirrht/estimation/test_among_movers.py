@@ -148,10 +148,9 @@ def test_close_to_the_goal_the_control_is_that_of_the_grid():
     """
     truth, off = known("closing_door", 0.3), []
     one = point(SCENES["closing_door"](), 0.3, 100, seed=1, rng=7, samples=20_000, threads=1, first=0.01)
-    goal = truth.problem.scene.goal
     for angle, beyond in ((1.4, 0.28), (1.0, 0.36), (0.8, 0.33), (-1.4, 0.28), (-1.0, 0.36), (-0.8, 0.33)):
         outward = np.array([np.cos(angle), np.sin(angle)])
-        x = goal.center + (goal.radius + beyond) * outward
+        x = truth.problem.scene.goal.center + (truth.problem.scene.goal.radius + beyond) * outward
         one.begin(x, 2.1)
         found = one.plan(x).estimate
         around = np.array([-outward[1], outward[0]]) * np.sign(angle)

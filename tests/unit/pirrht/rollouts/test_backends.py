@@ -61,8 +61,7 @@ class Drawn(NamedTuple):
     backends: tuple[Backend, Backend]  # compiled, plain
 
     def with_samples(self, count: int) -> ProposalTables:
-        tables = self.rollouts.tables
-        return tables._replace(first=count * np.arange(len(tables.first)))
+        return self.rollouts.tables._replace(first=count * np.arange(len(self.rollouts.tables.first)))
 
 
 @cache

@@ -15,8 +15,7 @@ from sim.scenario import prepare
 def solids(loaded: Loaded) -> list[tuple]:
     """Sizes and places of all of the robot that collides, in a row that names do not order."""
     model = loaded.model
-    bits = (model.geom_contype | model.geom_conaffinity).astype(bool)
-    numbers = np.flatnonzero(loaded.robot_geoms & bits)
+    numbers = np.flatnonzero(loaded.robot_geoms & (model.geom_contype | model.geom_conaffinity).astype(bool))
     return sorted((int(model.geom_type[g]), *model.geom_size[g], *model.geom_pos[g]) for g in numbers)
 
 

@@ -68,9 +68,9 @@ def test_nested_and_rotated_shapes_stand_where_mujoco_has_them(write):
         <geom size="0.3" pos="2 0 0.1"/></body>"""
     wedge = f'<asset><mesh name="wedge" vertex="{WEDGE}"/></asset>'
     loaded = load(write(mjcf(SITES + FLOOR + shapes, head=wedge)))
-    scene, points = loaded.scene, np.random.default_rng(0).uniform(0, 10, (200, 2))
-    assert {o.kind for o in scene.obstacles} == set(Kind)
-    flat = rebuilt(scene)
+    points = np.random.default_rng(0).uniform(0, 10, (200, 2))
+    assert {o.kind for o in loaded.scene.obstacles} == set(Kind)
+    flat = rebuilt(loaded.scene)
     footprint = loaded.model.geom("robot/footprint").id
     ours = distances(flat, range(flat.ngeom - 1), flat.ngeom - 1, points)
     theirs = distances(loaded.model, np.flatnonzero(loaded.obstacle_geoms), footprint, points)
