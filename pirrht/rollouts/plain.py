@@ -118,7 +118,7 @@ class Path:
         states[0] = self.x
         for i, whole in enumerate(np.diff(self.tables.times)):
             done = 0.0
-            while done < whole and self.outcome == INSIDE:
+            while done < whole * (1.0 - 1e-12) and self.outcome == INSIDE:
                 done += self.step(i, done, whole, applied[i])
             states[i + 1] = self.x
             self.steps = i + 1
@@ -127,6 +127,7 @@ class Path:
             if self.outcome != INSIDE:
                 break
         self.now += self.span * self.start_control
+        self.key = (self.key + 2**63) % 2**64 - 2**63  # as whole numbers of 64 bits wrap
 
     def step(self, i: int, done: float, whole: float, applied: Array) -> float:
         """Take a step at most to the end of step i of the grid; return the time until its end, or its exit [s]."""

@@ -50,8 +50,7 @@ def test_everything_that_is_printed_is_one_short_line_with_its_name(slit, slit_t
 
 def test_a_plans_picture_has_a_line_per_class_and_only_paths_that_are_samples(plan):
     axes = plan.plot(samples=10)
-    labels = [text.get_text().partition(":")[0] for text in axes.get_legend().get_texts()]
-    assert labels == list(plan.ids)
+    assert [text.get_text().partition(":")[0] for text in axes.get_legend().get_texts()] == list(plan.ids)
     paths = [path.vertices for group in axes.collections for path in group.get_paths()]
     assert 10 <= len(paths) <= 20
     assert all(np.allclose(path[0], plan.state) for path in paths)

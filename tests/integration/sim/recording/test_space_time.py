@@ -75,8 +75,7 @@ def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
     assert known["step"] == list(range(len(frames)))
     for frame, (piece,) in pictures(known, frames):
         np.testing.assert_allclose(piece[0], [*frame.plan.state, RISE * frame.time], atol=ROUNDING)
-        end = [*frame.advance.states[-1], RISE * frame.end_time]
-        np.testing.assert_allclose(piece[-1], end, atol=ROUNDING)
+        np.testing.assert_allclose(piece[-1], [*frame.advance.states[-1], RISE * frame.end_time], atol=ROUNDING)
     heights = [cell[0][2] for cell in table["/spacetime/now"]["Transform3D:translation"]]
     times = [frame.time for frame in frames] + [frames[-1].end_time]
     np.testing.assert_allclose(heights, RISE * np.array(times), atol=1e-5)

@@ -30,8 +30,7 @@ def noisy(slit) -> Problem:
 
 def around_all(slit, tree: HomologyTree, samples: int = 150, **settings) -> tuple[Estimate, list[str]]:
     """Samples around every reference of the slit at the start, in one batch."""
-    controller = slit.with_settings(samples=samples, noise=0.3, **settings).controller(tree)
-    integral = controller.path_integral
+    integral = slit.with_settings(samples=samples, noise=0.3, **settings).controller(tree).path_integral
     references = tree.references(slit.start)
     times = integral.grid(min(r.cost for r in references))
     tapes = np.array([r.trajectory.tape(times) for r in references])

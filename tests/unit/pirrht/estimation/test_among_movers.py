@@ -99,8 +99,7 @@ def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves
     plans = []
     for one in (scene, shut):
         plans.append((point(one, 0.3, 400, seed=1, rng=2, samples=1000, threads=1), bool(one.movers)))
-    rng = np.random.default_rng(8)
-    for x in rng.uniform([0.3, 0.3], [2.6, 3.0], (5, 2)):
+    for x in np.random.default_rng(8).uniform([0.3, 0.3], [2.6, 3.0], (5, 2)):
         found = []
         for controller, moving in plans:
             controller.begin(x, 2.0 if moving else 0.0)

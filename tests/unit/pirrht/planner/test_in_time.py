@@ -65,8 +65,7 @@ def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_aft
 
 
 def test_where_nothing_moves_the_best_way_is_the_taut_line_at_the_best_speed():
-    block = [disc("post", 3.0, 2.6, 0.4)]
-    found = in_time(FreeSpace.of(hall("standing", [], block)), 0, 400).references(START)
+    found = in_time(FreeSpace.of(hall("standing", [], [disc("post", 3.0, 2.6, 0.4)])), 0, 400).references(START)
     assert {one.id for one in found} == {"0", "1"} or {one.id for one in found} == {"0", "-1"}
     a, b, c = np.array([1.0, 2.5]), np.array([3.0, 2.6]), np.array([5.5, 2.5])
     reach = [np.sqrt(np.sum((p - b) ** 2) - 0.25) for p in (a, c)]

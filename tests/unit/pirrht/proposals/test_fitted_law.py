@@ -21,8 +21,7 @@ def controller(threads: int | None = None) -> Controller:
     problem, space = Problem(dynamics=DoubleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
     tree = HomologyTree(space, Tracked.of(problem, 1.0), limit=0.8, rng=np.random.default_rng(0))
     tree.grow(200)
-    sampling = Sampling(samples=300, threads=threads)
-    made = Controller(problem, space, tree, sampling, rng=np.random.default_rng(1))
+    made = Controller(problem, space, tree, Sampling(samples=300, threads=threads), rng=np.random.default_rng(1))
     made.begin(START)
     return made
 

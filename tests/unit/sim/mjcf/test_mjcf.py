@@ -118,8 +118,7 @@ def test_without_a_workspace_the_floor_is_the_border_and_the_x_axis_of_the_start
 
 
 def test_start_goal_and_radius_of_the_caller_win(write):
-    head = '<custom><numeric name="pirrht_radius" data="0.3"/></custom>'
-    path = write(mjcf(GOAL + SPACE, head=head))
+    path = write(mjcf(GOAL + SPACE, head='<custom><numeric name="pirrht_radius" data="0.3"/></custom>'))
     loaded = load(path, start=(2, 3), goal=(7, 8, 0.5))
     np.testing.assert_allclose(loaded.scene.start, [2, 3, 0])
     np.testing.assert_allclose([*loaded.scene.goal.center, loaded.scene.goal.radius], [7, 8, 0.5])
