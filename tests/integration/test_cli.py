@@ -246,7 +246,8 @@ def test_the_law_of_the_grid_drives_a_run_with_its_exact_value(figures, tmp_path
 
 
 def test_truth_adds_the_exact_value_control_and_errors(figures, capsys):
-    _, found = figures(*"estimate slit --noise 0.3 --at 2.2 2.6 --repeat 2 --vertices 300 --truth".split())
+    words = "estimate slit --noise 0.3 --at 2.2 2.6 --repeat 2 --vertices 300 --truth"
+    _, found = figures(*words.split())
     assert found["truth"]["value"] == pytest.approx(7.479, abs=0.002)
     assert found["truth"]["control"] == pytest.approx([0.7695, 0.1987], abs=0.002)
     assert found["value_error"] == pytest.approx(np.subtract(found["value"], found["truth"]["value"]))

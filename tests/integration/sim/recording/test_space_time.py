@@ -25,7 +25,8 @@ RISE = 1.0  # m/s: the best speed sqrt(2 q / r) of q = 1, r = 2
 def recorded(tmp_path_factory):
     file = tmp_path_factory.mktemp("space_time") / "drive.rrd"
     drive = Moving("closing_door", vertices=100, samples=60)
-    return columns(file), drive, logged(drive.recorder(file), drive.frames(MAX_TIME))
+    frames = logged(drive.recorder(file), drive.frames(MAX_TIME))
+    return columns(file), drive, frames
 
 
 def pictures(known: dict[str, list], frames: list):
