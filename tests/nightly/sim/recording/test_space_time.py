@@ -14,4 +14,5 @@ def test_a_recording_among_moving_bodies_takes_half_a_megabyte_a_second(tmp_path
     tree = scenario.grown_tree()
     driver, file = scenario.driver(tree), tmp_path / "drive.rrd"
     recorder = Recorder(scenario.loaded, tree, driver.path_integral, Sinks(file=file), settings={})
-    assert file.stat().st_size < 500_000 * logged(recorder, scenario.drive(scenario.plant(), driver))[-1].end_time
+    frames = logged(recorder, scenario.drive(scenario.plant(), driver))
+    assert file.stat().st_size < 500_000 * frames[-1].end_time
