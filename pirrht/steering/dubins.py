@@ -197,7 +197,8 @@ class Dubins(CompiledSteering):
     @property
     def alternatives(self) -> tuple[Steering, ...]:
         """Curves that turn tighter, as the system can at a price: often the only ones that can turn one way."""
-        return () if self.tightness != 1.0 else (replace(self, tightness=TUNING.tightness),)
+        tighter = TUNING.tightness if self.tightness == 1.0 else ()
+        return tuple(replace(self, tightness=one) for one in tighter)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """A state (3,), uniform in the workspace [m] and in heading [rad]."""

@@ -87,7 +87,7 @@ class Signature(ABC):
         >>> from pirrht import Homology
         >>> homology = Homology(markers=np.array([[2.0, 0.0]]), goal=np.array([5.0, 0.0]))
         >>> homology.base(np.array([2.0, -1.0]))  # H of the straight line to the goal [turns]
-        array([0.19879181])
+        array([0.25])
         >>> homology.crossings(np.array([1.0, -1.0]), np.array([1.0, 1.0]))  # (obstacle, turn) pairs
         [(0, -1)]
         >>> homology.along(np.array([[3.0, 1.0], [1.0, 1.0], [1.0, -1.0], [3.0, -1.0], [3.0, 1.0]]))  # once around
