@@ -71,7 +71,7 @@ def drawn(name: str) -> Drawn:
     R = {CAR: np.eye(1), ROVER: np.diag([2.0, 0.5])}.get(dynamics, 2.0 * np.eye(2))
     problem, space = Problem(dynamics=dynamics, scene=scene, R=R), FreeSpace.of(scene)
     tree = HomologyTree(space, steering(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(300)
+    tree.grow(200)
     steps = "uniform" if dynamics.noisy_position else "fitted"  # others are never split
     sampling = Sampling(samples=20, steps=steps, threads=1)
     controller = Controller(problem, space, tree, sampling, rng=np.random.default_rng(1))
@@ -82,9 +82,9 @@ def drawn(name: str) -> Drawn:
 
 @EVERY
 def test_plain_python_draws_the_paths_of_compiled_kernels(name):
-    """8 samples around every proposal; rounding may flip an exit, or choose another row of a law."""
+    """5 samples around every proposal; rounding may flip an exit, or choose another row of a law."""
     problem, rollouts, backends = one = drawn(name)
-    tables = one.with_samples(8)
+    tables = one.with_samples(5)
     S = int(tables.first[-1])
     paths = [backend.sample(rollouts.setup, tables, rollouts.origin) for backend in backends]
     again = [backend.replay(rollouts.setup, tables, rollouts.origin, np.arange(S)[::-1]) for backend in backends]
