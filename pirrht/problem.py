@@ -111,8 +111,9 @@ class Problem:
 
     def clearance_spread(self, x: Array) -> float:
         """Deviation that noise gives the clearance of the footprint at x (n,) at most [m/sqrt(s)]."""
-        swing = 0.0 if self.scene.footprint.is_disc else self.scene.footprint.reach * self.dynamics.heading_spread(x)
-        return self.dynamics.position_spread(x) + swing
+        return self.dynamics.position_spread(x) + (
+            0.0 if self.scene.footprint.is_disc else self.scene.footprint.reach * self.dynamics.heading_spread(x)
+        )
 
     def _temperature(self) -> float:
         """The scalar lambda of `lambda G R^-1 G' = B B'`, or of `lambda R^-1 = s s'`; else NotLinearlySolvable."""

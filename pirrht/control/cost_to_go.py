@@ -32,8 +32,7 @@ def straight_lines(goal: Goal) -> Remaining:
 
     def remaining(positions: Array) -> Array:
         off = goal.center - positions
-        away = np.hypot(*off.T)
-        return np.asarray(off * (1.0 - goal.radius / np.maximum(away, goal.radius))[:, None])
+        return np.asarray(off * (1.0 - goal.radius / np.maximum(np.hypot(*off.T), goal.radius))[:, None])
 
     return remaining
 
@@ -65,8 +64,9 @@ def shortest_paths(space: FreeSpace) -> Remaining:
 
     with np.errstate(invalid="ignore"):  # inf - inf
         along = towards(length[:-2, 1:-1], length[2:, 1:-1]), towards(length[1:-1, :-2], length[1:-1, 2:])
-    reached = np.isfinite(length[1:-1, 1:-1])
-    nearest = tuple(distance_transform_edt(~reached, return_distances=False, return_indices=True))
+    nearest = tuple(
+        distance_transform_edt(~np.isfinite(length[1:-1, 1:-1]), return_distances=False, return_indices=True)
+    )
     table = np.stack((length[1:-1, 1:-1], *along), axis=-1)[nearest]  # a path begins at the nearest free point
 
     def remaining(positions: Array) -> Array:
@@ -109,9 +109,7 @@ def sweep(length, passable, spacing):  # type: ignore[no-untyped-def]
 
                 if low == math.inf:
                     continue
-                new = low + spacing
-                if gap < spacing:
-                    new = 0.5 * (a + b + math.sqrt(2.0 * spacing * spacing - gap * gap))
+                new = 0.5 * (a + b + math.sqrt(2.0 * spacing * spacing - gap * gap)) if gap < spacing else low + spacing
                 if new < length[i, j] - 1e-9 * spacing:
                     length[i, j] = new
                     changed = 4

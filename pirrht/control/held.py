@@ -61,8 +61,7 @@ class HeldLaw:
         px, py, *_ = self.walls.pose(x)
         wanted = thrown = self.step * float(away @ G @ u)
         if moving.J:
-            drift = 1.0 / max(c, CLOSEST * self.deviation) - (1.0 / d if gap else 0.0)
-            rest = thrown - self.deviation**2 * drift
+            rest = thrown - self.deviation**2 * (1.0 / max(c, CLOSEST * self.deviation) - (1.0 / d if gap else 0.0))
             for row in moving.walls(px, py, self.walls.time + s, near):
                 if row[0] <= c + SAME:
                     rest -= self.step * float(row[3:5] @ away[:2])

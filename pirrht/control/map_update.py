@@ -59,8 +59,7 @@ def continue_among(space: FreeSpace, run: RunState) -> None:
     free = [whole for whole, line in lines.items() if space.segments_free(line)]
     ahead = [space.homology.winding(np.vstack([path.here, lines[whole]])) for whole in free]
     heirs = {whole: integers(np.add(path.winding(), one)) for whole, one in zip(free, ahead, strict=True)}
-    names = {before.name(then): space.homology.name(now) for then, now in heirs.items()}
-    run.rename(heirs, names)
+    run.rename(heirs, {before.name(then): space.homology.name(now) for then, now in heirs.items()})
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -260,8 +260,9 @@ class ClassMixture:
         carried[-d.rows :] += s * self._drift
         controls = free + self.push(x, s)
         # The rise of log psi per control of a class by moving to x, less drift, (m,).
-        pull = self._stiff @ (self._inverse @ d.difference(x, carried)[-d.rows :])
-        log_psi = self._known + 0.5 * (self._before + controls) @ pull
+        log_psi = self._known + 0.5 * (self._before + controls) @ (
+            self._stiff @ (self._inverse @ d.difference(x, carried)[-d.rows :])
+        )
         if self._loses:
             usual = 0.5 * (self._free + free)
             log_psi -= 0.5 * s * np.sum(usual @ self._stiff * usual, axis=1)
@@ -322,8 +323,9 @@ def _carried(
             continue
         law = replace(old, log_psi=log_psi[name] - elapsed / tuning.memory, age=old.age + elapsed, unseen=unseen)
         if lead is not None:  # another reference than before must not change what is known
-            rest = law.control(x, 0.0) - law_weight * lead(x, 0.0)
-            law = replace(law, rest=rest, lead=lead, age=0.0, law_weight=law_weight)
+            law = replace(
+                law, rest=law.control(x, 0.0) - law_weight * lead(x, 0.0), lead=lead, age=0.0, law_weight=law_weight
+            )
         laws[name] = law
     return laws
 

@@ -65,8 +65,7 @@ class ConstantVelocity:
                 self._shapes = self.space.with_movers(movers)  # FCL's of its own: a run queries the scene's
             space = replace(self._shapes, scene=replace(self.space.scene, start=start)).with_prediction(movers)
             homology = self.steering.homology(space)
-            tree = self._tree(space, enough)
-            self._last = Prediction(space=space, homology=homology, tree=tree, since=seen)
+            self._last = Prediction(space=space, homology=homology, tree=self._tree(space, enough), since=seen)
         return self._last
 
     def _holds(self, last: Prediction, seen: float) -> bool:
@@ -93,8 +92,9 @@ class ConstantVelocity:
 def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
     """Return an obstacle of constant velocity from a time on, up to the horizon [s], on a clock that starts then."""
     pose = np.array(mover.motion.pose_at(time))
-    rows = np.array([[0.0, *pose], [horizon, *(pose + horizon * mover.motion.velocity(time))]])
-    return replace(mover, motion=Motion(rows=rows))
+    return replace(
+        mover, motion=Motion(rows=np.array([[0.0, *pose], [horizon, *(pose + horizon * mover.motion.velocity(time))]]))
+    )
 
 
 def favourite_path(plan: Plan) -> Array | None:

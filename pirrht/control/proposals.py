@@ -54,8 +54,9 @@ class ProposalBuilder:
     def learns(self) -> bool:
         """Check whether laws are fitted to samples."""
         constant = self.integral.proposals.traits.constant_gain
-        follows = self.integral.guidance is not None and not self.integral.guidance.gated and constant
-        return follows and self.settings.use.mixes
+        return (
+            self.integral.guidance is not None and not self.integral.guidance.gated and constant
+        ) and self.settings.use.mixes
 
     def draft(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Draft:
         """Return what a plan at x (n,) samples around references, or passive dynamics if there is none."""
@@ -81,8 +82,9 @@ class ProposalBuilder:
                 second: ProposalControl | None = self._followed(optima[0], times)
             else:
                 second = integral.proposals.defensive(x, references[k].trajectory, run.now)
-            found = [second, *(propose(x, proposals[k].lead) for propose in self.propose)]
-            return [one for one in found if one is not None]
+            return [
+                one for one in [second, *(propose(x, proposals[k].lead) for propose in self.propose)] if one is not None
+            ]
 
         batch = Batch(state=x, times=times, proposals=proposals, time=run.now, others=others)
         return Draft(batch=batch, classes=classes, others=others_of if self.settings.use.mixes else None)
@@ -109,8 +111,7 @@ class ProposalBuilder:
             worth = [count > TUNING.few for count in counts]
             run.starts.mark_sampled({one for one, enough in zip(classes, worth, strict=True) if enough})
         if allocates:  # by contributions in earlier plans
-            names = [*map(run.route.homology.name, classes)]
-            counts = run.shares.allocation.counts(names, predicted, worth, samples)
+            counts = run.shares.allocation.counts([*map(run.route.homology.name, classes)], predicted, worth, samples)
         return [*zip(controls, counts, strict=True)]
 
     def _followed(self, guide: DDPGuide, times: Array) -> ProposalControl:
@@ -237,8 +238,9 @@ class ProposalBuilder:
             fit.fade()
             found, counts = chosen(log_weight[own] - log_share, log_share, math.ceil(weight * most))
             for part, number, worth in estimate.split(own[found], counts):
-                applied = integral.replay.applied(part, number)
-                fit.learn(applied, worth, batch.proposals[h].lead.guide, timed=integral.moving)
+                fit.learn(
+                    integral.replay.applied(part, number), worth, batch.proposals[h].lead.guide, timed=integral.moving
+                )
         starts.keep_fits(fits)
 
     def _guides(
@@ -254,8 +256,7 @@ class ProposalBuilder:
         anew = not starts.optima and not short()
         names = [*map(run.route.homology.name, classes)]
         some = guidance.tuning.later_paces
-        turn = run.retries.count() % len(some)
-        paces = some[turn] if run.effort.weak else ()
+        paces = some[run.retries.count() % len(some)] if run.effort.weak else ()
 
         def improved(k: int) -> list[DDPGuide]:
             one = references[k]

@@ -182,8 +182,9 @@ def weigh(
     group = np.full(len(weight), len(keys))  # class of each sample
     for g, key in enumerate(keys):
         group[paths.key == key] = g
-    times_weight = (np.ones(()), weight, paths.span, *paths.now.T)
-    shares, squares, spans, *sums = (np.bincount(group, weight * one, len(names)) for one in times_weight)
+    shares, squares, spans, *sums = (
+        np.bincount(group, weight * one, len(names)) for one in (np.ones(()), weight, paths.span, *paths.now.T)
+    )
     ess = shares**2 / np.maximum(squares, 1e-300)
     controls = np.stack(sums, axis=1)
     span = max(float(spans.sum()), 1e-300)
@@ -205,8 +206,9 @@ def weigh(
         means -= excess
         free = free - np.einsum("g,gm->m", spans, excess) / span
         control_error = np.maximum(control_error, single / math.sqrt(total_ess))
-    pieces = [float(weight[a:b].sum()) for a, b in itertools.pairwise(first)]
-    drawn_around = np.reshape(pieces, (len(parts), H)).sum(axis=0)
+    drawn_around = np.reshape([float(weight[a:b].sum()) for a, b in itertools.pairwise(first)], (len(parts), H)).sum(
+        axis=0
+    )
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
     begin = sum(part.size for part in parts[:shown])
     return Estimate(
@@ -235,16 +237,14 @@ def _excess(
     no_law = np.isnan(laws[:, 0])
 
     noise = np.where(no_law[:, None], 0.0, paths.now - paths.span[:, None] * laws)
-    squares = max(float(np.sum(paths.span[~no_law] ** 2)), 1e-300)
-    single = np.sqrt(np.sum(noise**2, axis=0) / squares)
+    single = np.sqrt(np.sum(noise**2, axis=0) / max(float(np.sum(paths.span[~no_law] ** 2)), 1e-300))
     member = weight[:, None] * (group[:, None] == np.arange(len(ess)))
     times = np.maximum(np.einsum("sg,s->g", member, paths.span), 1e-300)[:, None]
     mean = np.einsum("sg,sm->gm", member, noise) / times
     terms = member[:, :, None] * (noise[:, None] - paths.span[:, None, None] * mean)
     errors = deviation(terms.reshape(len(weight), -1), first, parts[0].tables.mirrored).reshape(-1, m) / times
     errors = np.maximum(errors, single / np.sqrt(np.maximum(ess, 1e-300))[:, None])
-    follows = ~np.any(member[no_law] > 0.0, axis=0)
-    return follows[:, None] * (1.0 - shrinkage(mean, errors)) * mean, single
+    return (~np.any(member[no_law] > 0.0, axis=0))[:, None] * (1.0 - shrinkage(mean, errors)) * mean, single
 
 
 @dataclass(slots=True)
@@ -305,8 +305,9 @@ class Allocation:
         """Learn from the weights of a plan's samples."""
         weights: dict[str, list[float]] = {}
         first = estimate.rollouts.tables.first
-        rows = zip(batch.proposals, first[:-1], first[1:], estimate.proposal_weights, strict=True)
-        for one, start, stop, weight in rows:
+        for one, start, stop, weight in zip(
+            batch.proposals, first[:-1], first[1:], estimate.proposal_weights, strict=True
+        ):
             found = math.sqrt(float(np.mean(estimate.weight[start:stop] ** 2)))
             before = self.contribution.get(one.name, found)
             self.contribution[one.name] = before + (found - before) / self.tuning.plans

@@ -52,8 +52,9 @@ class ProposalFactory:
         start = problem.dynamics.state_of(problem.scene.start)
         self.traits = traits = Traits.of(problem)
         self.is_martingale = traits.is_martingale(world.setup.world.moving.kernels is not None)
-        guided = feedback and DDPGuidance.suits(problem)
-        self.guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
+        self.guidance = (
+            DDPGuidance(problem, world, sways=sampling.fitted) if feedback and DDPGuidance.suits(problem) else None
+        )
         self.pointlike = feedback and traits.point
         self.climbs = feedback and traits.climbs(world.moving)
         self.climbs_too = world.moving and feedback and traits.isotropic_point
@@ -98,8 +99,9 @@ class ProposalFactory:
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
         """Return the ascent from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
-        push = self.wall_drift(scales.wall_offset, self.sampling.first_dt, time=time)
-        return DesirabilityAscent.of(self._soft, line, x, scales.decay, push)
+        return DesirabilityAscent.of(
+            self._soft, line, x, scales.decay, self.wall_drift(scales.wall_offset, self.sampling.first_dt, time=time)
+        )
 
     def defensive(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
         """Return the ascent of a point next to its guide among moving obstacles; None of other systems.
@@ -157,8 +159,9 @@ class ProposalFactory:
         if self.sampling.exit == "bridge" or not self.climbs:
             return 0.0, arena
         distance = 0.5826 * math.sqrt(self.scales(x).noise * self.sampling.dt)
-        radius = max(arena.radius - distance, self.tuning.rim * arena.radius)
-        return distance, arena._replace(static=arena.static.set_back(distance), radius=radius)
+        return distance, arena._replace(
+            static=arena.static.set_back(distance), radius=max(arena.radius - distance, self.tuning.rim * arena.radius)
+        )
 
     def tables(self, batch: Batch) -> ProposalTables:
         """Return the tables of a batch in the predicted world; other numbers of samples alone reuse the last ones."""
@@ -234,6 +237,6 @@ def _bends(line: Array, most: float) -> Array:
     away = line[1:-1] - line[0]
     off = np.abs(along[0] * away[:, 1] - along[1] * away[:, 0]) / max(float(np.hypot(*along)), most)
     i = int(np.argmax(off)) + 1
-    if off[i - 1] <= most:
-        return line[[0, -1]]
-    return np.vstack([_bends(line[: i + 1], most)[:-1], _bends(line[i:], most)])
+    return (
+        line[[0, -1]] if off[i - 1] <= most else np.vstack([_bends(line[: i + 1], most)[:-1], _bends(line[i:], most)])
+    )

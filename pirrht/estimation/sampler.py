@@ -137,8 +137,9 @@ class PathIntegral:
         d = self.problem.dynamics
         x = d.state_of(self.problem.scene.start)
         times = np.arange(3.0)
-        proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
-        rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
+        rollouts = self.rollout(
+            Batch(state=x, times=times, proposals=(Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1),)), 0
+        )
         self.estimate(replace(rollouts, log_weight=np.zeros(1)))  # whatever the outcome of the sample
         self.replay.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
@@ -174,8 +175,7 @@ class PathIntegral:
             held = np.array([one.lead.held(x) for one in batch.proposals])
             rise[:] = tables.law_weight * (np.array([one.lead(x, 0.0) for one in batch.proposals]) - held)
             if not self.proposals.pointlike:
-                follows = np.array([one.lead.follows for one in batch.proposals])
-                laws = np.where(follows[:, None], held, np.nan)
+                laws = np.where(np.array([one.lead.follows for one in batch.proposals])[:, None], held, np.nan)
         log_weight = np.empty(len(paths.work))
         rollouts = Rollouts(
             setup=setup, origin=origin, tables=tables, paths=paths, log_weight=log_weight, rise=rise, laws=laws

@@ -130,8 +130,7 @@ def solids_near(domain, begin, end, x, y, cutoff):  # type: ignore[no-untyped-de
     """Solids that are within reach of (x, y) [m] at the beginning or the end of a step."""
     near, count = np.empty(domain.owner.shape[0], dtype=np.int64), 0
     for k in range(near.shape[0]):
-        d = clearance_from(domain, k, begin, x, y)
-        if min(d, clearance_from(domain, k, end, x, y)) < cutoff:
+        if min(clearance_from(domain, k, begin, x, y), clearance_from(domain, k, end, x, y)) < cutoff:
             near[count] = k
             count += 1
     return near[:count]
@@ -158,8 +157,7 @@ def patch_of(domain, later, near, begin, end, corners, margin):  # type: ignore[
     for i in range(k):
         for j in range(m):
             x = frame.x0 + (i0 + i) * frame.spacing
-            y = frame.y0 + (j0 + j) * frame.spacing
-            _to_rows(domain, near, end, x, y, ahead[:, i, j])
+            _to_rows(domain, near, end, x, frame.y0 + (j0 + j) * frame.spacing, ahead[:, i, j])
             if base > -math.inf and a0 <= i0 + i < a1 and b0 <= j0 + j < b1:
                 psi[i, j] = math.exp(later[i0 + i, j0 + j] - base)
     return Patch((i0, j0), 2 * margin + 1, psi, base, near, ahead, begin, end)
@@ -212,8 +210,9 @@ def boundaries_of(domain, step, patch, x, y):  # type: ignore[no-untyped-def]
             break
         later = math.inf
         for k in range(1, rows):
-            apart = stands_apart(away[k, 0], away[k, 1], away[at, 0], away[at, 1])
-            if member[k] < 0 and (k == at or (now[k] < step.cutoff and not apart)):
+            if member[k] < 0 and (
+                k == at or (now[k] < step.cutoff and not stands_apart(away[k, 0], away[k, 1], away[at, 0], away[at, 1]))
+            ):
                 member[k], later = n, min(later, then[k])
         distance[n] = now[at]
         speed[n] = (later - now[at]) / step.dt
@@ -305,8 +304,9 @@ def log_psi_before(domain, step, t, later, x, slope):  # type: ignore[no-untyped
 
     i = math.floor((x[0] - frame.x0) / frame.spacing + 0.5)
     j = math.floor((x[1] - frame.y0) / frame.spacing + 0.5)
-    margin = math.ceil(step.cutoff / frame.spacing + 0.5)
-    patch = patch_of(domain, later, near, begin, end, (i, j, i + 1, j + 1), margin)
+    patch = patch_of(
+        domain, later, near, begin, end, (i, j, i + 1, j + 1), math.ceil(step.cutoff / frame.spacing + 0.5)
+    )
 
     slope[0], slope[1] = 0.0, 0.0
     free, met = boundaries_of(domain, step, patch, x[0], x[1])

@@ -253,10 +253,11 @@ def _sweep(value, out, rays, gaps, smoothing, order):  # type: ignore[no-untyped
                 if walled and rays.ended[i, j, k] < 0.0:
                     continue
                 sides = (gaps[0, i, j, k], gaps[1, i, j, k]) if walled else (math.inf, math.inf)
-                if min(sides[0], sides[1]) < math.inf:
-                    new = _between_gaps(weight, k, sides, smoothing, rays, least)
-                else:
-                    new = _over_headings(ray, weight, k, taps, rays, least)
+                new = (
+                    _between_gaps(weight, k, sides, smoothing, rays, least)
+                    if min(sides[0], sides[1]) < math.inf
+                    else _over_headings(ray, weight, k, taps, rays, least)
+                )
                 change = max(change, abs(new - value[i, j, k]))
                 out[i, j, k] = new
     return change
@@ -270,8 +271,7 @@ def _between_gaps(weight, k, sides, smoothing, rays, least):  # type: ignore[no-
     nt = weight.shape[0] + 1 - width
     total = 0.0
     for t in range(width):
-        turn = (t - width // 2) * 2.0 * math.pi / nt
-        total += taps[t] * weight[k + t] * _misses(sides[0], sides[1], turn, variance)
+        total += taps[t] * weight[k + t] * _misses(sides[0], sides[1], (t - width // 2) * 2.0 * math.pi / nt, variance)
     return rays.ceiling if total <= 0.0 else min(least - rays.temperature * math.log(total), rays.ceiling)
 
 

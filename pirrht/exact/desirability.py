@@ -171,8 +171,9 @@ class Desirability:
         Names are those of the straight line from x. Standard errors are sqrt(share (1 - share) / samples). Among moving
         obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
-        step = self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
-        homology, turns, ends, outcome = self._walk(x, samples, seed, t, step)
+        homology, turns, ends, outcome = self._walk(
+            x, samples, seed, t, self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
+        )
 
         turns = turns[outcome == GOAL]
         ends = ends[outcome == GOAL]
@@ -250,8 +251,9 @@ class Optimal(Policy):
         law: Law = optimal
         proposals = self.path_integral.proposals
         if self.held is not None and proposals.traits.noisy_position:
-            walls = proposals.wall_drift(proposals.scales(x).wall_offset, self.held, time=now)
-            law = HeldLaw.of(law, walls, self.held, x)
+            law = HeldLaw.of(
+                law, proposals.wall_drift(proposals.scales(x).wall_offset, self.held, time=now), self.held, x
+            )
         value = self.desirability.value(x, now)
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,

@@ -142,8 +142,9 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     settling = Settling(progress, EVERY * TUNING.discrete_settled)
     for done in range(1, TUNING.discrete_steps + 1):
         top = np.maximum(np.maximum(now, floor), -1e300)  # finite, so that differences from it are numbers
-        weight = free * np.exp(now - top) + np.sign(known) * np.exp(floor - top)
-        now = smooth(top, weight, taps[0], taps[1], equation.rate * dt)
+        now = smooth(
+            top, free * np.exp(now - top) + np.sign(known) * np.exp(floor - top), taps[0], taps[1], equation.rate * dt
+        )
         if done % EVERY == 0:
             change = grids.largest_change(now, before)
             settling.note(change)

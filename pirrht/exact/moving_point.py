@@ -54,10 +54,11 @@ def _timetable(motions: Sequence[Motion], longest: float) -> tuple[Array, float,
     lead = _steps(motions, 0.0, still, longest)
     cycle = _steps(motions, still, still + period, longest)
 
-    if periods:
-        more = cycle[1 : 2 + int(np.searchsorted(cycle, still + TUNING.last_steps * longest))] + period
-    else:
-        more = still + longest * np.arange(1.0, TUNING.last_steps + 1.0)
+    more = (
+        cycle[1 : 2 + int(np.searchsorted(cycle, still + TUNING.last_steps * longest))] + period
+        if periods
+        else still + longest * np.arange(1.0, TUNING.last_steps + 1.0)
+    )
     return np.concatenate([lead, cycle[1:], more]), still, period
 
 
@@ -100,8 +101,9 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
         raise OptionError(
             f"a spacing of {spacing:g} m is too coarse among moving obstacles; choose at most {most:.2g} m"
         )
-    reason = f"steps among moving obstacles are at most {deviation:.2g} m wide"
-    chosen = affordable(space.scene, spacing or most, reason)
+    chosen = affordable(
+        space.scene, spacing or most, f"steps among moving obstacles are at most {deviation:.2g} m wide"
+    )
     _plan(problem, space.scene, chosen)
     return chosen
 
@@ -130,8 +132,9 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     (times, first, period), longest, thinning = _plan(problem, scene, spacing)
     ahead = TUNING.next_frame * longest * thinning
     frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
-    cutoff = step_of(longest * thinning + ahead, equation).cutoff
-    domain = boundaries.moving_domain(scene, frame, cutoff, equation.wavenumber)
+    domain = boundaries.moving_domain(
+        scene, frame, step_of(longest * thinning + ahead, equation).cutoff, equation.wavenumber
+    )
     step = step_of(longest, equation)
     now = _stationary(problem, space, domain, float(times[-1]) - JUMP)
     if period > 0.0:
@@ -166,8 +169,9 @@ def _stationary(problem: Problem, space: FreeSpace, domain: MovingDomain, time: 
     still = replace(Domain.of(space), clearance=clearance)
     equation = Equation.of(problem)
 
-    spacing = point.default_spacing(problem, space.scene)
-    stationary = point.solve(still, wavenumber=equation.wavenumber, wall=equation.wall, spacing=spacing)
+    stationary = point.solve(
+        still, wavenumber=equation.wavenumber, wall=equation.wall, spacing=point.default_spacing(problem, space.scene)
+    )
     out = np.empty(np.ceil((still.upper - still.lower) / domain.frame.spacing - 1e-9).astype(int) + 1)
     _sample(stationary, domain, time, out)
     return out
@@ -231,5 +235,4 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     g = 0
     while g < len(grid.moments) - 1 and grid.moments[g] < t + grid.ahead:
         g += 1
-    step = step_of(grid.moments[g] - t, grid.step)
-    return boundaries.log_psi_before(grid.domain, step, t, grid.log_psi[g], x, slope)
+    return boundaries.log_psi_before(grid.domain, step_of(grid.moments[g] - t, grid.step), t, grid.log_psi[g], x, slope)

@@ -42,8 +42,7 @@ def ends_of_arms(
     `rows` (k,) are the points that arms belong to, `spacing` is h [m].
     """
     ends, at_goal = _cut(domain, points[rows], heads)
-    short = ~at_goal & (np.hypot(*(ends - points[rows]).T) < TUNING.hug * spacing)
-    hugging = np.unique(rows[short])
+    hugging = np.unique(rows[~at_goal & (np.hypot(*(ends - points[rows]).T) < TUNING.hug * spacing)])
 
     again = np.isin(rows, hugging)
     around = points[hugging, None] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
@@ -123,8 +122,7 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     points = lower + spacing * index
 
     free_by = domain.clearance(points)
-    rim = np.hypot(*(points - goal.center).T) - goal.radius
-    free = (free_by > CLOSE) & (rim > CLOSE)
+    free = (free_by > CLOSE) & (np.hypot(*(points - goal.center).T) - goal.radius > CLOSE)
     number = np.where(free, np.cumsum(free) - 1, -1)
 
     place = index[free]
@@ -165,9 +163,10 @@ def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: flo
     exits = np.flatnonzero(np.isfinite(out))
     weight = np.concatenate([wavenumber * length[rows, arms], out[exits]])
     tail = np.concatenate([neighbour[rows, arms], np.full(len(exits), K)])
-    head = np.concatenate([rows, exits])
 
-    return np.asarray(dijkstra(csr_matrix((weight, (tail, head)), shape=(K + 1, K + 1)), indices=K)[:K])
+    return np.asarray(
+        dijkstra(csr_matrix((weight, (tail, np.concatenate([rows, exits]))), shape=(K + 1, K + 1)), indices=K)[:K]
+    )
 
 
 def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: float) -> tuple[Array, Array]:
@@ -198,16 +197,16 @@ def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: 
     coefficients[whole] = ends[whole] @ common.T
     coefficients[~whole] = np.einsum("kij,kj->ki", own, ends[~whole])
     most = np.maximum(ends.max(axis=1), 1e-300)
-    below = np.maximum(np.minimum(-chi, most) / most, 1e-300)
-    return coefficients, np.where((chi > 0.0) | ~np.isfinite(s), 0.0, below)
+    return coefficients, np.where((chi > 0.0) | ~np.isfinite(s), 0.0, np.maximum(np.minimum(-chi, most) / most, 1e-300))
 
 
 def arm_basis(arms: ComplexArray, kh: float) -> Array:
     """Evaluate the eight solutions at ends of arms, x + iy in spacings (K, 8) -> (K, 8 arms, 8); kh is k times h."""
     t = (0.5 * kh * np.abs(arms)) ** 2
     powers = [arms**n * hyp0f1(n + 1, t) for n in range(5)]  # n! I_n(z) = (z/2)^n 0F1(; n + 1; z^2/4)
-    columns = [powers[0].real, *(part for one in powers[1:4] for part in (one.real, one.imag)), powers[4].real]
-    return np.stack(columns, axis=-1)
+    return np.stack(
+        [powers[0].real, *(part for one in powers[1:4] for part in (one.real, one.imag)), powers[4].real], axis=-1
+    )
 
 
 @kernel

@@ -107,8 +107,7 @@ def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ign
     from_start = math.atan2(y - cy, x - cx)
     best = np.inf
     for angle in (to_goal - half, to_goal + half):
-        turn = (angle - from_start) * math.copysign(1.0, curvature)
-        best = min(best, (turn % TWO_PI) * r)
+        best = min(best, (((angle - from_start) * math.copysign(1.0, curvature)) % TWO_PI) * r)
     return best if best <= length else np.inf
 
 

@@ -101,8 +101,9 @@ def _sampled(
     """
     shape, r, least_r = points.shape[:3], collision.footprint.radius, collision.least_radius
     sharp = TUNING.sharp * r
-    cutoff = (REACH if len(members) else TUNING.nothing) + r
-    walls = collision.nearest_walls(points.reshape(-1, 2), members, cutoff, width)
+    walls = collision.nearest_walls(
+        points.reshape(-1, 2), members, (REACH if len(members) else TUNING.nothing) + r, width
+    )
     near = (walls.first - r).reshape(shape)
     far = (walls.second - r).reshape(shape)
     label = walls.which.astype(np.int32).reshape(shape)

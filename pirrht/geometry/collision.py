@@ -137,8 +137,7 @@ class Collision:
             half = disc**2 / square - float(to_center @ to_center) / square + nearest**2
             if half > 0.0:
                 cuts += [nearest - math.sqrt(half), nearest + math.sqrt(half)]
-        ends = sorted({min(max(cut, 0.0), 1.0) for cut in cuts})
-        for a, b in itertools.pairwise(ends):
+        for a, b in itertools.pairwise(sorted({min(max(cut, 0.0), 1.0) for cut in cuts})):
             middle = tail + 0.5 * (a + b) * span
             radius = self.footprint.radius + more - float(self.waived(middle[None])[0])
             if self._hits(self._swept(tail + a * span, tail + b * span, radius)):
@@ -148,8 +147,9 @@ class Collision:
     def waived(self, points: Array) -> Array:
         """Return by how much the margin is smaller at points (k, 2), (k,) [m]."""
         x, y, disc, less = self._waivers.T
-        inside = np.hypot(points[:, :1] - x, points[:, 1:] - y) < disc
-        return np.asarray(np.where(inside, less, 0.0).max(axis=1, initial=0.0))
+        return np.asarray(
+            np.where(np.hypot(points[:, :1] - x, points[:, 1:] - y) < disc, less, 0.0).max(axis=1, initial=0.0)
+        )
 
     def _swept(self, tail: Array, head: Array, radius: float) -> Any:
         """Return the capsule that the robot sweeps between two places (2,) with a radius [m]."""
@@ -204,8 +204,9 @@ def _first_of_equals(obstacles: Sequence[Obstacle]) -> IntArray:
     known: dict[tuple[Any, ...], int] = {}
     first = np.empty(len(obstacles), dtype=np.int64)
     for i, o in enumerate(obstacles):
-        arrays = (o.size, o.position, o.rotation, o.vertices, o.faces)
-        shape = tuple(b"" if array is None else array.tobytes() for array in arrays)
+        shape = tuple(
+            b"" if array is None else array.tobytes() for array in (o.size, o.position, o.rotation, o.vertices, o.faces)
+        )
         first[i] = known.setdefault((o.kind, *shape), i)
     return first
 
@@ -238,5 +239,6 @@ def solid_of(obstacle: Obstacle) -> Any:
         case Kind.MESH:
             vertices, faces = hull_of(obstacle)
             shape = fcl.Convex(vertices, len(faces), np.insert(faces, 0, 3, axis=1).ravel())
-    pose = fcl.Transform(np.asarray(obstacle.rotation, dtype=float), np.asarray(obstacle.position, dtype=float))
-    return fcl.CollisionObject(shape, pose)
+    return fcl.CollisionObject(
+        shape, fcl.Transform(np.asarray(obstacle.rotation, dtype=float), np.asarray(obstacle.position, dtype=float))
+    )

@@ -64,8 +64,7 @@ class Field(Held, Grid):
         shape: tuple[Any, ...] = (nx, stride, stride, 0, 0, 0)
         if table is not None:
             cells = stride - 1
-            size = (cells * n + 1 for n in table.shape)
-            shape = (*size, stride, table, table.shape[1], cells.bit_length() - 1)
+            shape = (*(cells * n + 1 for n in table.shape), stride, table, table.shape[1], cells.bit_length() - 1)
         corner = world.lower.astype(float)
         return cls.holding(*corner, spacing, 1.0 / spacing, *shape, *arrays, *corner, *world.upper.astype(float))
 
@@ -187,9 +186,7 @@ def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
 def clearance(field, x, y):  # type: ignore[no-untyped-def]
     """Return a lower bound [m] of the clearance at (x, y) [m], border included."""
     edge = border(field, x, y)
-    if edge <= 0.0:
-        return edge
-    return min(edge, interpolate(field, field.nearest, x, y))
+    return edge if edge <= 0.0 else min(edge, interpolate(field, field.nearest, x, y))
 
 
 @kernel
@@ -203,9 +200,8 @@ def clearances(field, points, out):  # type: ignore[no-untyped-def]
 def two_walls(field, x, y):  # type: ignore[no-untyped-def]
     """Return the two nearest walls at (x, y) [m], border included: distance [m] and unit vector away from it, each."""
     nearest = with_slope(field, field.nearest, x, y)
-    second = with_slope(field, field.second, x, y)
 
-    return walls_of(field, x, y, nearest, second)
+    return walls_of(field, x, y, nearest, with_slope(field, field.second, x, y))
 
 
 @inlined

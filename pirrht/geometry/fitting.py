@@ -86,8 +86,9 @@ def _leads_out(collision: Collision, point: Array, radius: float, disc: float) -
     count = int(np.ceil(disc / cell))
     places = point + cell * (lattice(2 * count + 1, 2 * count + 1) - count)
     away = np.hypot(*np.moveaxis(places - point, -1, 0))
-    members = range(len(collision.world.obstacles))
-    distance = collision.nearest_walls(places.reshape(-1, 2), members, full + 2.0 * cell).first.reshape(away.shape)
+    distance = collision.nearest_walls(
+        places.reshape(-1, 2), range(len(collision.world.obstacles)), full + 2.0 * cell
+    ).first.reshape(away.shape)
     inside = np.all((places > collision.world.lower) & (places < collision.world.upper), axis=-1)
     free = (away < disc) & (distance > radius) & inside
     free[count, count] = True
@@ -141,10 +142,7 @@ def margin_left(scene: Scene, collision: Collision, start: Array) -> float | Non
     lowest, highest = 0.0, scene.margin
     for _ in range(TUNING.path_halvings):
         middle = 0.5 * (lowest + highest)
-        if leads(free > middle):
-            lowest = middle
-        else:
-            highest = middle
+        lowest, highest = (middle, highest) if leads(free > middle) else (lowest, middle)
     return lowest
 
 

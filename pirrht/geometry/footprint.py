@@ -94,8 +94,7 @@ class Footprint:
     @property
     def is_rectangle(self) -> bool:
         """Return whether its corners are those of a rectangle along the heading."""
-        sides = (len({point[k] for point in self.corners}) for k in (0, 1))
-        return len(self.corners) == 4 and [*sides] == [2, 2]
+        return len(self.corners) == 4 and [*(len({point[k] for point in self.corners}) for k in (0, 1))] == [2, 2]
 
     @property
     def hull(self) -> Array:
@@ -146,8 +145,7 @@ class Footprint:
 def _measures(corners: Corners) -> tuple[float, float]:
     """Return how near to the origin the edges of a hull come, and how far from it a corner lies [m]."""
     hull = np.array(corners)
-    depth = 0.0 if len(corners) == 1 else -float(depths(hull, np.zeros((1, 2)))[0])
-    return depth, float(np.hypot(*hull.T).max())
+    return 0.0 if len(corners) == 1 else -float(depths(hull, np.zeros((1, 2)))[0]), float(np.hypot(*hull.T).max())
 
 
 def placed(points: Array, pose: Array) -> Array:

@@ -63,8 +63,7 @@ class Passages:
     def between(self, k: int, collision: Collision) -> list[str]:
         """Return the names of two solids, or of one and "border", between which passage k leads."""
         world, ends = collision.world, np.array([chord[k] for chord in self.chords()])
-        every = range(len(world.obstacles))
-        nearest = collision.nearest_walls(ends, every, collision.footprint.radius).which.tolist()
+        nearest = collision.nearest_walls(ends, range(len(world.obstacles)), collision.footprint.radius).which.tolist()
         return [
             world.obstacles[i].name if world.contains(end) and i >= 0 else BORDER
             for end, i in zip(ends, nearest, strict=True)
@@ -148,10 +147,7 @@ def _end_of_chord(field, x, y, ux, uy, most):  # type: ignore[no-untyped-def]
         high += max(0.7 * (c - level), 0.25 * field.spacing)
     for _ in range(TUNING.chord_halvings):
         s = 0.5 * (low + high)
-        if clearance(field, x + s * ux, y + s * uy) > level:
-            low = s
-        else:
-            high = s
+        low, high = (s, high) if clearance(field, x + s * ux, y + s * uy) > level else (low, s)
     return 0.5 * (low + high)
 
 
@@ -337,8 +333,9 @@ def _fill(field, place, side, stride, radius, value):  # type: ignore[no-untyped
         for a in range(side):
             for b in range(side):
                 i = (place[page, 0] * side + a) * stride
-                j = (place[page, 1] * side + b) * stride
-                value[at] = min(max(_greatest(field, i, j, stride)[0], -radius), REACH)
+                value[at] = min(
+                    max(_greatest(field, i, (place[page, 1] * side + b) * stride, stride)[0], -radius), REACH
+                )
                 at += 1
 
 

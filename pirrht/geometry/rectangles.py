@@ -86,10 +86,7 @@ def _taken(rectangles, rows, columns):  # type: ignore[no-untyped-def]
     taken = np.zeros(len(rectangles), np.bool_)
     for k in range(len(rectangles)):
         r0, r1, c0, c1 = rectangles[k]
-        if r1 - r0 <= c1 - c0:
-            taken[k] = _cover(right, down, r0, r1, c0, c1)
-        else:
-            taken[k] = _cover(down, right, c0, c1, r0, r1)
+        taken[k] = _cover(right, down, r0, r1, c0, c1) if r1 - r0 <= c1 - c0 else _cover(down, right, c0, c1, r0, r1)
     return taken
 
 

@@ -267,8 +267,9 @@ class Scene:
                 f"cut out a part, or join {coarser} x {coarser} cells to one that is occupied if one of them is"
             )
         side = number(resolution, "the resolution", "the side of a cell, a positive number [m]")
-        obstacles = solids.cells(grid, side, corner, _height(task))
-        return cls._of(obstacles, corner, corner + side * np.array(grid.shape[::-1]), **task)
+        return cls._of(
+            solids.cells(grid, side, corner, _height(task)), corner, corner + side * np.array(grid.shape[::-1]), **task
+        )
 
     @classmethod
     def _of(

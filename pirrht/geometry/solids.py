@@ -52,8 +52,7 @@ def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) 
     """Make boxes of a height [m] that cover just the occupied cells of a side [m], row 0 first from an origin [m]."""
     from pirrht.geometry.rectangles import cover  # slow to import, and few scenes are grids
 
-    rows = cover(occupied).reshape(-1, 4)[:, [2, 0, 3, 1]]
-    return boxes(resolution * rows + np.tile(origin, 2), height)
+    return boxes(resolution * cover(occupied).reshape(-1, 4)[:, [2, 0, 3, 1]] + np.tile(origin, 2), height)
 
 
 def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:

@@ -43,9 +43,8 @@ def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
     if along <= 0.0:
         return True
     rise = square - along  # times the nearer distance, as the next one
-    between = square - 2.0 * along + other
 
-    if rise <= 0.0 or rise * rise < RISE_SINE * RISE_SINE * square * between:
+    if rise <= 0.0 or rise * rise < RISE_SINE * RISE_SINE * square * (square - 2.0 * along + other):
         return False
     return along * along < APART_COSINE * APART_COSINE * square * other
 

@@ -148,8 +148,9 @@ class World(NamedTuple):
 
     def clearance(self, pose: tuple[float, ...], t: float = 0.0) -> float:
         """Return a lower bound of the clearance of a pose from all walls at t [s], [m]."""
-        static = float(self.static.kernels.clearance(self.static, pose))
-        return min(static, float(self.moving.clearance(pose[0], pose[1], t)))
+        return min(
+            float(self.static.kernels.clearance(self.static, pose)), float(self.moving.clearance(pose[0], pose[1], t))
+        )
 
     def off_walls(self, x: Array, reads: Sequence[int], t: float, gap: float) -> Array:
         """Return the nearest state to x (n,) where plans can begin at t [s], `gap` [m] off walls; it `reads` its pose.

@@ -225,8 +225,7 @@ def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
 def over_ranges(work: Callable[[int, int], None], count: int, threads: int) -> None:
     """Call a function (start, stop) for ranges that cover 0 to `count`, on several threads."""
     parts = 2 * threads if threads > 1 else 1
-    edges = [count * i // parts for i in range(parts + 1)]
-    mapped(lambda ends: work(*ends), pairwise(edges), threads)
+    mapped(lambda ends: work(*ends), pairwise([count * i // parts for i in range(parts + 1)]), threads)
 
 
 @cache

@@ -152,11 +152,13 @@ def _blended() -> Any:
             low = between(*rows(first), one)
             high = between(*rows(second), other)
             row = builder.fadd(low, builder.fmul(fill(along), builder.fsub(high, low)))
-            numbers = [builder.extract_element(row, place) for place in places]
-            return context.make_tuple(builder, signature.return_type, numbers)
+            return context.make_tuple(
+                builder, signature.return_type, [builder.extract_element(row, place) for place in places]
+            )
 
-        kinds = (types.intp, types.intp, *3 * [types.float32])
-        return types.UniTuple(types.float32, 4)(types.StarArgTuple(kinds)), generate
+        return types.UniTuple(types.float32, 4)(
+            types.StarArgTuple((types.intp, types.intp, *3 * [types.float32]))
+        ), generate
 
     return blend
 

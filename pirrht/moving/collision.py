@@ -34,8 +34,9 @@ class Body:
         self.shape = shape or Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint)
         self._radius = footprint.radius
         motion = mover.motion
-        plain = not motion.repeat and motion.offset == 0.0
-        self._lap = motion if plain else Motion(rows=motion.rows)  # once from the first row to the last
+        self._lap = (
+            motion if not motion.repeat and motion.offset == 0.0 else Motion(rows=motion.rows)
+        )  # once from the first row to the last
         self._offset = motion.offset
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
         self._times: list[float] = motion.rows[:, 0].tolist()

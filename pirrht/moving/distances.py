@@ -43,10 +43,7 @@ def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
     low, high = begin, end  # the row that begins the piece is from low on and before high
     while high - low > 1:
         middle = (low + high) // 2
-        if load_float64(moving.rows, ROW * middle) <= now:
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if load_float64(moving.rows, ROW * middle) <= now else (low, middle)
     at = moving.rows + 8 * ROW * low
 
     past = now - load_float64(at, 0)
@@ -106,8 +103,9 @@ def clearance_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
         return _in_table(moving, k, u, v)[0] - moving.robot
     at = moving.solid + 8 * SOLID * k
     x, y, z = _in_solid(moving, k, u, v)
-    far = outside(form, load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), x, y, z)
-    return max(far, 0.0) - moving.robot
+    return (
+        max(outside(form, load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), x, y, z), 0.0) - moving.robot
+    )
 
 
 @inlined

@@ -223,8 +223,7 @@ def _behind(moving, j, near, way, dt, c, d, length):  # type: ignore[no-untyped-
         ox = near[j, OX] + then * near[j, VX]
         oy = near[j, OY] + then * near[j, VY]
         px = x + share * (mx - x)
-        py = y + share * (my - y)
-        e = clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), px, py)
+        e = clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), px, y + share * (my - y))
         if e <= 0.0:
             return c * (1.0 - 1.0 / share)
         share += max(e, TUNING.sweep_step * moving.robot) / length

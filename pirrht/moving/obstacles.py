@@ -50,8 +50,9 @@ class MovingObstacleArrays(Held, ObstacleNumbers):
     @classmethod
     def of(cls, scene: Scene) -> "MovingObstacleArrays":
         """Gather the moving obstacles of a scene; J may be 0."""
-        cutoff = max(TUNING.cutoff_radii * scene.footprint.radius, TUNING.min_cutoff)
-        return cls.around(scene.footprint, scene.movers, cutoff)
+        return cls.around(
+            scene.footprint, scene.movers, max(TUNING.cutoff_radii * scene.footprint.radius, TUNING.min_cutoff)
+        )
 
     @classmethod
     def around(cls, footprint: Footprint, movers: Sequence[Mover], cutoff: float) -> "MovingObstacleArrays":
@@ -63,9 +64,10 @@ class MovingObstacleArrays(Held, ObstacleNumbers):
     def with_motions(self, movers: Sequence[Mover]) -> "MovingObstacleArrays":
         """Return these obstacles on other motions; shapes, FCL's included, are shared: one thread at a time asks."""
         shapes = [self.held[name] for name in ("solid", "form", "corner", "table")]
-        sizes = (self.pitch, self.height, self.robot)
 
-        return self._holding(movers, shapes, sizes, self.cutoff, self.collision.with_motions(movers))
+        return self._holding(
+            movers, shapes, (self.pitch, self.height, self.robot), self.cutoff, self.collision.with_motions(movers)
+        )
 
     @classmethod
     def _holding(
@@ -152,8 +154,9 @@ def _shapes(
         shape[k] = np.ceil((solids.high[k] + cutoff + footprint.radius - corner[k]) / pitch).astype(int) + 2
         first[k] = sum(map(len, parts))
         alone = Collision(Workspace(-plane, plane, (obstacles[k],)), footprint)
-        index = np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
-        distance = alone.distance(corner[k] + pitch * index)
+        distance = alone.distance(
+            corner[k] + pitch * np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
+        )
         parts.append(distance if pitch == fine else np.maximum(distance - _excess(distance, pitch), 0.0))
     numbers = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
     return (numbers, np.column_stack([solids.form, first, shape]), corner, np.concatenate(parts)), pitch

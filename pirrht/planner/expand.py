@@ -209,8 +209,9 @@ def growing(certify: Any) -> Any:
             forward = away >= 1.0
             copy_row(x, vertices.states[v])  # whether or not it becomes a vertex
             vertices.in_goal[v] = root
-            size = v if forward else v + 1
-            out, unsure = _propose(propose, (vertices, size, x, around, values, forward, root, straight))
+            out, unsure = _propose(
+                propose, (vertices, v if forward else v + 1, x, around, values, forward, root, straight)
+            )
             if unsure > 0:
                 return i, STATUS.ask
             if forward and not reaches(at, straight, out, rules):

@@ -40,8 +40,9 @@ def narrow_place(tree: Any, x: Array) -> NarrowPlace | None:
     try:
         space = FreeSpace.of(replace(scene, footprint=disc, robot_radius=disc.radius))
         bends = tree.steering.drives  # what it cannot drive is no reason
-        steering = tree.steering if bends else StraightLine()
-        easy = type(tree)(space, steering, limit=tree.limit, classes=1, rng=np.random.default_rng(0))
+        easy = type(tree)(
+            space, tree.steering if bends else StraightLine(), limit=tree.limit, classes=1, rng=np.random.default_rng(0)
+        )
         easy.grow(max(tree.size, TUNING.easy_vertices) if bends else TUNING.easy_vertices)
         line = easy.references(x if bends else x[:2])[0].trajectory.points
     except PirrhtError:
@@ -50,8 +51,7 @@ def narrow_place(tree: Any, x: Array) -> NarrowPlace | None:
     at = np.linspace(0.0, along[-1], 2 + int(2.0 * along[-1] / footprint.inscribed))
     points = np.column_stack([np.interp(at, along, line[:, k]) for k in (0, 1)])
 
-    vertices = tree.states[: tree.size, :2]
-    away = np.hypot(*np.moveaxis(points[:, None] - vertices, -1, 0)).min(axis=1)
+    away = np.hypot(*np.moveaxis(points[:, None] - tree.states[: tree.size, :2], -1, 0)).min(axis=1)
     missed = np.flatnonzero(away > footprint.reach)
     end = at[missed[-1]] if len(missed) else at[0]
     near = np.flatnonzero(np.abs(at - end) <= footprint.reach)
@@ -60,5 +60,4 @@ def narrow_place(tree: Any, x: Array) -> NarrowPlace | None:
     if found.which[k] < 0:
         return None
     px, py = points[near[k]].tolist()
-    width = float(found.first[k] + found.second[k])
-    return NarrowPlace((px, py), width, scene.obstacles[found.which[k]].name)
+    return NarrowPlace((px, py), float(found.first[k] + found.second[k]), scene.obstacles[found.which[k]].name)

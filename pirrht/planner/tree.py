@@ -87,8 +87,7 @@ class HomologyTree:
         self.tuning = tuning
 
         self.homology = steering.homology(space)
-        bases_allowed = limit >= self.homology.most_base
-        self.rules = SearchRules(float(limit), int(classes), bases_allowed, bool(steering.symmetric))
+        self.rules = SearchRules(float(limit), int(classes), limit >= self.homology.most_base, bool(steering.symmetric))
         self.checker = steering.checker(space)
         self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0
@@ -230,8 +229,9 @@ class HomologyTree:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        query = references.ReferenceQuery(self, self.steering, shortened, before or {}, over_budget, threads, most)
-        return query.extract(x)
+        return references.ReferenceQuery(
+            self, self.steering, shortened, before or {}, over_budget, threads, most
+        ).extract(x)
 
     def with_alternatives(self, x: Array, found: Sequence[Reference], threads: int = 1) -> list[Reference]:
         """Return references from x (n,) with paths of their classes by `Steering.alternatives` of the tree's."""
@@ -276,8 +276,9 @@ class HomologyTree:
         """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
         self._grown(self.states[:0], 0)
         more = 1.0 + 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
-        edges = int(more * self.graph.size[SIZE.edges])
-        self.storage.make_room(V=vertices, E=edges, P=int(more * self.graph.size[SIZE.pairs]))
+        self.storage.make_room(
+            V=vertices, E=int(more * self.graph.size[SIZE.edges]), P=int(more * self.graph.size[SIZE.pairs])
+        )
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""

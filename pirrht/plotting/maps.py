@@ -80,8 +80,9 @@ def classes(
 ) -> None:  # fmt: skip
     """Draw one polyline (k, 2) [m] per class, side by side where they coincide, with colours and labels."""
     per_point = float(np.ptp(axes.get_xlim())) / (72.0 * axes.get_window_extent().width / axes.figure.dpi)
-    drawn = side_by_side(lines, TUNING.line * per_point)
-    for place, (line, label, color) in enumerate(zip(drawn, labels, colors, strict=True)):
+    for place, (line, label, color) in enumerate(
+        zip(side_by_side(lines, TUNING.line * per_point), labels, colors, strict=True)
+    ):
         axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=TUNING.line, zorder=4.0 - 1e-3 * place)
     if labels:
         axes.legend(**LEGEND, **legend)

@@ -40,8 +40,7 @@ def side_by_side(lines: Sequence[Array], width: float) -> list[Array]:
         lane = (near[:place].sum(axis=0) - 0.5 * (count - 1)) * np.minimum(1.0, TUNING.bundle / count)
         along = np.gradient(line, axis=0)
         normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-12)[:, None]
-        shift = uniform_filter1d(lane[:, None] * normal, TUNING.smooth, axis=0, mode="nearest")
-        moved.append(line + width * shift)
+        moved.append(line + width * uniform_filter1d(lane[:, None] * normal, TUNING.smooth, axis=0, mode="nearest"))
     return moved
 
 

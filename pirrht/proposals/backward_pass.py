@@ -185,8 +185,7 @@ def backward_pass(kind: KernelSpec) -> Any:
             velocity(setup, states[i], f)
             velocity(setup, states[i + 1], other)
             loss = combined(1.0, pose(f), -1.0, pose(other))
-        dt = times[i + 1] - times[i]
-        step = (here, combined(1.0, pose(states[i + 1]), -1.0, here), loss, times[i], dt)
+        step = (here, combined(1.0, pose(states[i + 1]), -1.0, here), loss, times[i], times[i + 1] - times[i])
         near = expand_clearance(setup, task, step, points, walls, slope, bend)
         if near:
             _follow(setup, states[i], states[i + 1], bends, chain)

@@ -297,8 +297,9 @@ class DesirabilityAscent(ProposalControl):
 
         It is of a world with the goal's disc, where psi decays by k per meter [1/m].
         """
-        whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
-        cut = sections_of(arena.static, whole, arena.radius, decay)
+        cut = sections_of(
+            arena.static, np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float), arena.radius, decay
+        )
         C = len(cut[0])
         place = np.zeros((1, C, PLACE), np.float32)
         slope = np.zeros((1, C, TUNING.nodes, KNOWN), np.float32)
@@ -331,8 +332,7 @@ def _reach(c, push):  # type: ignore[no-untyped-def]
     rest = 1.0 / min(push * c, TUNING.drift_most) - 1.0
     s = min(2.0 * rest, 2.0 + 1.5 * math.sqrt(rest))
     for _ in range(TUNING.newton):
-        off = s * (0.5 + s * (1.0 / 6.0 + s / 24.0)) - rest
-        s -= off / (0.5 + s * (1.0 / 3.0 + s / 8.0))
+        s -= (s * (0.5 + s * (1.0 / 6.0 + s / 24.0)) - rest) / (0.5 + s * (1.0 / 3.0 + s / 8.0))
     return c / s
 
 

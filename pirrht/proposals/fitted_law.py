@@ -118,8 +118,7 @@ class LawFit:
             here = np.clip(row, 0, len(states) - 1)
             off = d.difference(before, states[here])
             pace = (guide.metric * d.difference(guide.states[here + 1], states[here]) ** 2).sum(axis=1)
-            near = (row == here) & ((guide.metric * off**2).sum(axis=1) <= pace)
-            weight = np.where(near, share, 0.0)[:, None, None]
+            weight = np.where((row == here) & ((guide.metric * off**2).sum(axis=1) <= pace), share, 0.0)[:, None, None]
             shift = np.tile(np.eye(d.n + 1), (len(row), 1, 1))
             shift[:, 1:, 0] = off
             np.add.at(new.products, here, weight * (shift @ self.products @ np.swapaxes(shift, 1, 2)))
@@ -162,8 +161,9 @@ class LawFit:
         guide, (L, p, m) = self.guide, self.sums.shape
         A = pooled(self.products, self.tuning.fit_rows)
         B = pooled(self.sums, self.tuning.fit_rows)
-        count = np.maximum(A[:, 0, 0], 1e-9)
-        ridge = (self.tuning.fit_prior / np.diff(guide.times)[:L] / count)[:, None] * np.einsum("lii->li", A)
+        ridge = (self.tuning.fit_prior / np.diff(guide.times)[:L] / np.maximum(A[:, 0, 0], 1e-9))[:, None] * np.einsum(
+            "lii->li", A
+        )
         change = np.linalg.solve(A + np.maximum(ridge, 1e-12)[:, :, None] * np.eye(p), B)
         modes = guide.modes.copy()
         gains = guide.gains.copy()
@@ -209,5 +209,6 @@ def chosen(log_weight: Array, log_share: Array, most: int, tuning: ProposalTunin
     number = np.diff(np.floor(np.cumsum(size) / total * most + 0.5), prepend=0.0)
     found = np.flatnonzero(number)
     worth = 1.0 / float((signed**2).sum())
-    counts = worth * number[found, None] / most * np.column_stack([np.ones(len(found)), total * np.sign(signed[found])])
-    return found, counts
+    return found, worth * number[found, None] / most * np.column_stack(
+        [np.ones(len(found)), total * np.sign(signed[found])]
+    )

@@ -141,8 +141,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             speed = max(math.sqrt(f[px] * f[px] + f[py] * f[py]), 1e-3)
         along = (gx * f[px] + gy * f[py]) / speed
         square = setup.world.radius**2
-        off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
-        return rate * (along - math.sqrt(off)) / speed
+        return rate * (along - math.sqrt(max(square - gx * gx - gy * gy + along * along, 1e-4 * square))) / speed
 
     @borrowing
     def probe(setup, at, i, shift, k, other, work, out):  # type: ignore[no-untyped-def]
@@ -269,8 +268,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         work = (np.empty(n), np.empty(m), np.zeros((2, rows, m)), np.empty(n))
         at = (x, np.zeros(m), 0.0, x, far)
         J = np.zeros((n + 1, n))
-        F = np.zeros((n, n))
-        differentiate(setup, at, np.arange(n), np.full(n, TUNING.nudge), True, work, (J, F, W))
+        differentiate(setup, at, np.arange(n), np.full(n, TUNING.nudge), True, work, (J, np.zeros((n, n)), W))
         copy_row(J[n], v)
 
     @borrowing

@@ -242,8 +242,9 @@ class Initialisation:
             late = ramp * (1.0 - min(max(along / pace, 0.0), 1.0))  # by as much as it is slow at the start
             then = times + late * np.expm1(-times / ramp)
         course, length = empty_course(len(times) - 1, self.dynamics.n, self.width), 0
-        corners = np.vstack([start[:, :2], end])
-        course.aims[:] = np.column_stack([np.interp(then, passed, column) for column in corners.T])
+        course.aims[:] = np.column_stack(
+            [np.interp(then, passed, column) for column in np.vstack([start[:, :2], end]).T]
+        )
         course.states[0] = x
         whole = int(np.searchsorted(times, seconds + self.setup.world.radius / pace + late))
         whole = min(len(times) - 1, whole)
@@ -256,8 +257,9 @@ class Initialisation:
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
-        nominal = Nominal(last.states, last.modes, last.gains)
-        return self.retimed(nominal, last.length, last.times, times, elapsed=elapsed)
+        return self.retimed(
+            Nominal(last.states, last.modes, last.gains), last.length, last.times, times, elapsed=elapsed
+        )
 
     def retimed(
         self,
@@ -279,5 +281,6 @@ class Initialisation:
         steps = int(np.sum(at < length)) if before[-1] > then[0] else 0
         control = pace * last.control[at]
         control[:, self.dynamics.m :] *= (np.diff(times) / np.diff(before)[at])[:, None]
-        course = empty_course(len(at), self.dynamics.n, self.width)
-        return course._replace(states=states, control=control, gains=last.gains[at]), min(steps, len(at))
+        return empty_course(len(at), self.dynamics.n, self.width)._replace(
+            states=states, control=control, gains=last.gains[at]
+        ), min(steps, len(at))

@@ -130,8 +130,7 @@ class WallDrift:
         """Return the control (m,) at x (n,), s [s] after the plan, for walls at least `closest` [m] away (or `_at`)."""
         if self.offset <= 0.0:
             return np.zeros(self.problem.dynamics.m)
-        slope = slope_for(len(self.pose(x)))
-        return np.asarray(self.gain(x) @ np.array(slope(self.walls(x, s, closest), self.offset)))
+        return np.asarray(self.gain(x) @ np.array(slope_for(len(self.pose(x)))(self.walls(x, s, closest), self.offset)))
 
     def gain(self, x: Array) -> Array:
         """Return lambda R^-1 G' at x (n,), (m, rows), the control per slope of log psi."""
@@ -141,8 +140,7 @@ class WallDrift:
         """Return the two nearest walls (`SpaceKernels`) at x (n,), s [s] after the plan, `closest` [m] at least."""
         closest = self._at(x)[1] if closest is None else closest
         pose = self.pose(x)
-        walls_at = kept_off(self.static.kernels)
-        found: tuple[Any, ...] = walls_at(self.static, pose, closest, self.slack, self.behind)
+        found: tuple[Any, ...] = kept_off(self.static.kernels)(self.static, pose, closest, self.slack, self.behind)
         if self.moving.J == 0:
             return found
         rows = self.moving.walls(pose[0], pose[1], self.time + s, TUNING.drift_near * self.offset)

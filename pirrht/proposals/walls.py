@@ -114,8 +114,9 @@ def clearance_costs(space: SpaceKernels, numbers: int, moving: MovingKernels | N
                         both = one * bend * share[j]
                         for a in range(numbers):
                             for b in range(numbers):
-                                square = both * walls[e, 1 + min(a, b)] * walls[e, 1 + max(a, b)]
-                                H[numbers * i + a, numbers * j + b] += square
+                                H[numbers * i + a, numbers * j + b] += (
+                                    both * walls[e, 1 + min(a, b)] * walls[e, 1 + max(a, b)]
+                                )
         return found
 
     return scratch, cost, expand

@@ -51,8 +51,9 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             while s >= first[h + 1]:
                 h += 1
             now[:] = 0.0
-            keep = KEPT(paths.log_ratio[c], states[c], applied[c], now)
-            work, key, outcome, taken, last, lasting, exposed = one_path(setup, tables, origin, h, s, keep, scratch)
+            work, key, outcome, taken, last, lasting, exposed = one_path(
+                setup, tables, origin, h, s, KEPT(paths.log_ratio[c], states[c], applied[c], now), scratch
+            )
 
             paths.work[c] = work
             paths.key[c] = key

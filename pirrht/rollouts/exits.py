@@ -39,8 +39,9 @@ def ended_for(kind: KernelSpec) -> Any:
             met = max(gap, 0.0) - share * dt * ((vx - f[0]) * ux + (vy - f[1]) * uy), -ux, -uy
         else:
             met = towards_exit(arena, pose(x), exit)
-        radius = arena.radius if exit == GOAL else 0.0
-        state, dx, dy = at_crossing(met, radius, (dx, dy), share, math.sqrt(variance), state)
+        state, dx, dy = at_crossing(
+            met, arena.radius if exit == GOAL else 0.0, (dx, dy), share, math.sqrt(variance), state
+        )
         scratch.y[0] = (scratch.B[0, 0] * dx + scratch.B[1, 0] * dy) * dt / variance
         scratch.y[1] = (scratch.B[0, 1] * dx + scratch.B[1, 1] * dy) * dt / variance
         scratch.moved[0] = x[0] + f[0] * dt * share + dx
@@ -79,9 +80,7 @@ def ended_for(kind: KernelSpec) -> Any:
         xx, xy, yy = flat(rates)
         if isotropic and xy * dt == 0.0 and xx * dt == yy * dt:
             return as_point(scratch, arena, dt, exit, share, xx * dt, moving_wall, state)
-        if along_line and exit == GOAL:
-            return on_line(scratch, arena, dt, share, rates, state)
-        return state, dt
+        return on_line(scratch, arena, dt, share, rates, state) if along_line and exit == GOAL else (state, dt)
 
     return ended
 
@@ -145,8 +144,9 @@ def exits(kind: KernelSpec) -> Any:
         if not arrived:
             exit, share, room = sweep(setup.world, here, there, turn, room)
         if moving:
-            way = (here[0], here[1], there[0], there[1], turn)
-            hit = sweep_among(setup.world.moving, scratch.watch, way, now, dt, share)
+            hit = sweep_among(
+                setup.world.moving, scratch.watch, (here[0], here[1], there[0], there[1], turn), now, dt, share
+            )
             if hit <= share:
                 exit, share = COLLISION, hit
         return exit, share, Clear(before, room, False)

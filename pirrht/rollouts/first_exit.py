@@ -68,6 +68,4 @@ def at_crossing(exit, radius, end, share, deviation, state):  # type: ignore[no-
 def turn_of(vx, vy, wx, wy, dx, dy, dt):  # type: ignore[no-untyped-def]
     """Angle [rad] by which a step of dt [s] turns that goes (dx, dy) [m] while its velocity v [m/s] becomes w."""
     square = dx * dx + dy * dy
-    if square == 0.0:
-        return 0.0
-    return max(-TUNING.arc, min(TUNING.arc, dt * ((wy - vy) * dx - (wx - vx) * dy) / square))
+    return 0.0 if square == 0.0 else max(-TUNING.arc, min(TUNING.arc, dt * ((wy - vy) * dx - (wx - vx) * dy) / square))

@@ -148,8 +148,9 @@ class Path:
         for g in range(len(self.a)):
             self.weigh(g)
         self.record(i, done, applied, whole)
-        rate = self.kind.q(self.x, self.d.parameters) if self.kind.varying_rate else self.setup.rate
-        self.work += rate * self.dt * share
+        self.work += (
+            (self.kind.q(self.x, self.d.parameters) if self.kind.varying_rate else self.setup.rate) * self.dt * share
+        )
         self.x = self.moved
         return self.dt * share
 
@@ -190,8 +191,7 @@ class Path:
     def covariance(self, dt: float) -> tuple[float, ...]:
         """Return that of the noise of a pose over a time, the upper triangle by rows."""
         noise = self.B[self.reads]
-        whole = (dt * noise @ noise.T).tolist()
-        return tuple(one for i, row in enumerate(whole) for one in row[i:])
+        return tuple(one for i, row in enumerate((dt * noise @ noise.T).tolist()) for one in row[i:])
 
     def in_plane(self, dt: float) -> tuple[float, ...]:
         """Return (xx, xy, yy) of it."""
@@ -325,8 +325,9 @@ class Path:
         """Judge the Brownian bridge between the ends of the step among what is static."""
         distances = self.space.distances
         ends = here, there, distances(self.world, here), distances(self.world, there), self.covariance(self.dt)
-        found = self.space.bridge(self.world, *ends, self.tables.weighed, np.uint64(self.random), line)
-        self.random, self.outcome, share, missed = found
+        self.random, self.outcome, share, missed = self.space.bridge(
+            self.world, *ends, self.tables.weighed, np.uint64(self.random), line
+        )
         self.log_survival += missed
         return float(share)
 

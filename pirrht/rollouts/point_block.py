@@ -51,8 +51,9 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
         met = towards_exit(arena, (x, y), outcome)
-        radius = arena.radius if outcome == GOAL else 0.0
-        _, dx, dy = at_crossing(met, radius, (nx - x, ny - y), share, math.sqrt(step), state)
+        _, dx, dy = at_crossing(
+            met, arena.radius if outcome == GOAL else 0.0, (nx - x, ny - y), share, math.sqrt(step), state
+        )
         f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
         f[Z1 + k] = (B[0, 1] * dx + B[1, 1] * dy) / variance
         f[NX + k] = x + dx

@@ -98,11 +98,11 @@ def fit_steps(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped
 
     for k in range(n):
         i = min(np.int64(short[STEP + k]), times.shape[0] - 2)  # lanes that have ended stand beyond
-        whole = np.float32(load_float64(ends, i + 1) - load_float64(ends, i))
-        f[LEFT + k] = whole if f[LEFT + k] <= ZERO else f[LEFT + k]
+        f[LEFT + k] = (
+            np.float32(load_float64(ends, i + 1) - load_float64(ends, i)) if f[LEFT + k] <= ZERO else f[LEFT + k]
+        )
     for k in range(n):
-        near = max(min(min(f[C0 + k], f[E0 + k]), max(f[G0 + k], rim)), ZERO)
-        dt = fitting(near, f[LEFT + k], least, scale)
+        dt = fitting(max(min(min(f[C0 + k], f[E0 + k]), max(f[G0 + k], rim)), ZERO), f[LEFT + k], least, scale)
 
         f[DT + k] = dt
         f[ROOT + k] = math.sqrt(dt)
@@ -174,12 +174,14 @@ def tube_control(tube, decay, goal, g, h, B, scratch, n):  # type: ignore[no-unt
         count += 1 if (g == h) | (ratio[own + k] >= negligible) else 0
     for i in range(count):
         k = lane(short[LISTED + i])
-        s = tube_at(tube, np.int64(short[stage + k]), decay, goal, f[X + k], f[Y + k], f, TUBE + k, L)
-        short[stage + k] = np.int32(s)
+        short[stage + k] = np.int32(
+            tube_at(tube, np.int64(short[stage + k]), decay, goal, f[X + k], f[Y + k], f, TUBE + k, L)
+        )
     for k in range(n if count > 0 else 0):
         at = WALL + k
-        walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
-        gx, gy = slope_of(f, TUBE + k, L, walls)
+        gx, gy = slope_of(
+            f, TUBE + k, L, (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
+        )
         a[row + k] = b00 * gx + b10 * gy
         a[row + L + k] = b01 * gx + b11 * gy
     for k in range(n if g != h else 0):

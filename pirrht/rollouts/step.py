@@ -165,10 +165,9 @@ def gap_among(walls, count, cov, along_line):  # type: ignore[no-untyped-def]
     nearest = np.inf
     for k in range(count):
         nx, ny = walls[k, 1], walls[k, 2]
-        share = 1.0
-
-        if along_line:
-            share = (cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny) / (cov[0] + cov[2])
+        share = (
+            (cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny) / (cov[0] + cov[2]) if along_line else 1.0
+        )
         nearest = min(nearest, walls[k, 0] / math.sqrt(max(share, SIDEWAYS)))
     return nearest
 

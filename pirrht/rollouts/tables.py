@@ -82,8 +82,9 @@ class DesirabilityTubes(NamedTuple):
 
 def no_tubes(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
     """Allocate H tubes of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
-    place = np.zeros((H, C, PLACE), np.float32)
-    return DesirabilityTubes(np.zeros(H, np.int64), place, np.zeros((H, C, J, KNOWN), np.float32), decay)
+    return DesirabilityTubes(
+        np.zeros(H, np.int64), np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, KNOWN), np.float32), decay
+    )
 
 
 class ProposalTables(NamedTuple):
@@ -268,8 +269,9 @@ def tube_at(tube, s, decay, goal, x, y, out, at, each):  # type: ignore[no-untyp
     along = min(max(past / (past + ahead + np.float32(1e-9)), ZERO), ONE)
     i, one = _nodes(place, s, x, y, J)
     j, other = _nodes(place, more, x, y, J)
-    numbers = blended(slope + 4 * KNOWN * i, slope + 4 * KNOWN * j, one, other, along)
-    out[at], out[at + each], out[at + 2 * each], out[at + 3 * each] = numbers
+    out[at], out[at + each], out[at + 2 * each], out[at + 3 * each] = blended(
+        slope + 4 * KNOWN * i, slope + 4 * KNOWN * j, one, other, along
+    )
 
     k = PLACE * more + 2
     out[at + 4 * each] = load_float32(place, k)

@@ -97,8 +97,7 @@ def _chain(
     @part
     def admissible(around, motion, last):  # type: ignore[no-untyped-def]
         """Return whether a single motion is certified, and outside the goal or, cut there, the last one."""
-        outside = last or entry(motion, 0, around) == np.inf
-        return outside and certify(motion, 0, around, False) == FREE
+        return (last or entry(motion, 0, around) == np.inf) and certify(motion, 0, around, False) == FREE
 
     @part
     def stations_of(around, numbers, path, count, tuning, scratch, out):  # type: ignore[no-untyped-def]
@@ -234,8 +233,9 @@ def _chain(
         key = np.empty(len(states), np.int64)
 
         for i in range(len(states) - 1):
-            last = i == len(states) - 2
-            _, cost[i], key[i] = join(around, numbers, states[i : i + 1], states[i + 1 : i + 2], last, scratch)
+            _, cost[i], key[i] = join(
+                around, numbers, states[i : i + 1], states[i + 1 : i + 2], i == len(states) - 2, scratch
+            )
         return Chain(states, cost, key)
 
     @part
@@ -300,8 +300,7 @@ def resumed(x: Array, path: Motions, connect: Connect, checker: EdgeChecker, tun
 
     corners[-1, :2] += tuning.into_goal * (checker.space.scene.goal.center - corners[-1, :2])
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
-    tails = np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]])
-    motions = copied(connect(tails, corners[to]))
+    motions = copied(connect(np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]]), corners[to]))
     edges, _ = judge_with(checker.kernels)(checker.around, motions, to == len(corners) - 1, to)
     free = edges.free[:count]
     direct = edges.cost[:count]

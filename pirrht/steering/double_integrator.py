@@ -205,8 +205,7 @@ def _pairs_of(space: SpaceKernels, classes: SignatureKernels) -> Any:
         most, s = _greatest_force(c, duration), 0.0
         ax, ay = place(c, 0.0)
         while s < duration:
-            room = max(clearance(around.static, (ax, ay)), TUNING.shortest_side)
-            s = min(s + stride(c, s, most, room), duration)
+            s = min(s + stride(c, s, most, max(clearance(around.static, (ax, ay)), TUNING.shortest_side)), duration)
             bx, by = place(c, s)
             if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
                 bx = motions.heads[i, 0]
@@ -338,8 +337,7 @@ class MassSteering(CompiledSteering):
         """Every point (k, 3) driven through both ways, slower and faster, (4 k, 4)."""
         turned = np.column_stack([np.cos(path[:, 2]), np.sin(path[:, 2])])
         speeds = [sign * share * self.top for share in TUNING.passage_speeds for sign in (1.0, -1.0)]
-        states = [np.hstack([path[:, :2], speed * turned]) for speed in speeds]
-        return np.stack(states, axis=1).reshape(-1, 4)
+        return np.stack([np.hstack([path[:, :2], speed * turned]) for speed in speeds], axis=1).reshape(-1, 4)
 
     def roots(self, goal: Array) -> Array:
         """The goal point (2,) [m] at any velocity, (1, 4)."""

@@ -57,9 +57,7 @@ def _same_turns(s, gap, a, b, across, ahead, limit):  # type: ignore[no-untyped-
     t3 = _turn(first + corner + 0.5 * np.pi)
     q3 = _turn(last + corner + 0.5 * np.pi)
 
-    if t3 + p + q3 < length:
-        return t3 + p + q3, True, t3, p, q3
-    return length, False, t, d, q
+    return (t3 + p + q3, True, t3, p, q3) if t3 + p + q3 < length else (length, False, t, d, q)
 
 
 @kernel

@@ -119,8 +119,7 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
                 turn = np.concatenate((turn, np.empty_like(turn)))
             used = summed(total, marker, turn, used, pairs(motions, i, around, enters, marker, turn, used))
         first[k] = used
-        turns = Turns(first, marker[:used].copy(), turn[:used].copy())
-        return Edges(near, status, motions.cost, turns), unsure
+        return Edges(near, status, motions.cost, Turns(first, marker[:used].copy(), turn[:used].copy())), unsure
 
     found: Callable[..., tuple[Edges, int]] = judged
     return found

@@ -195,5 +195,6 @@ def homology_of(problem: Problem, space: FreeSpace) -> Signature:
     try:
         return InTime.of(problem).homology(space)
     except OptionError:
-        r = float(problem.control_cost(problem.dynamics.state_of(problem.scene.start))[0, 0])
-        return InTime(q=problem.least_rate, r=r).homology(space)
+        return InTime(
+            q=problem.least_rate, r=float(problem.control_cost(problem.dynamics.state_of(problem.scene.start))[0, 0])
+        ).homology(space)

@@ -37,9 +37,7 @@ def free_leg(space: SpaceKernels, moving: MovingKernels | None) -> Any:
     @kernel
     def judged(around, leg):  # type: ignore[no-untyped-def]
         static = certify_piece(around.static, (leg[0], leg[1]), (leg[3], leg[4]), True)
-        if among and static != BLOCKED:
-            return min(static, certify(around.traffic, leg))
-        return static
+        return min(static, certify(around.traffic, leg)) if among and static != BLOCKED else static
 
     return judged
 

@@ -42,8 +42,7 @@ class Legs(NamedTuple):
         dx, dy = (self.path[:, 3:5] - self.path[:, :2]).T
         moves = np.flatnonzero(np.hypot(dx, dy) > 0.0)
         i = np.minimum(np.searchsorted(moves, np.arange(len(dx))), max(len(moves) - 1, 0))
-        heading = np.arctan2(dy, dx)[moves[i]] if len(moves) else np.zeros(len(dx))
-        return np.column_stack([self.path[:, :2], heading])
+        return np.column_stack([self.path[:, :2], np.arctan2(dy, dx)[moves[i]] if len(moves) else np.zeros(len(dx))])
 
     def points(self, spacing: float) -> list[Array]:
         """Return both ends of each motion, (2, 2) [m], and no points in between, whatever the `spacing`."""
@@ -95,8 +94,7 @@ def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
     """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; without controls the steering's cost."""
     if trajectory.slack is not None:
         return trajectory.cost + 2.0 * problem.least_rate * trajectory.slack
-    R = problem.control_cost(x)
-    effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
+    effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, problem.control_cost(x), trajectory.controls)
     rate = problem.rate(x)
     if callable(problem.q):
         tail = x[2:]
@@ -209,9 +207,8 @@ def _pairs_of(classes: SignatureKernels) -> Any:
     @part
     def pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
         curve = (curves.start[i], curves.curvature[i], curves.length[i])
-        head = (curves.heads[i, 0], curves.heads[i, 1])
 
-        return add(around.classes, curve, to_goal, head, marker, turn, count)
+        return add(around.classes, curve, to_goal, (curves.heads[i, 0], curves.heads[i, 1]), marker, turn, count)
 
     return pairs
 
@@ -287,8 +284,9 @@ def _certify_for(space: SpaceKernels) -> Any:
 
 
 def _kernels(around: Surroundings) -> MotionKernels:
-    certify = _certify_for(around.static.kernels)
-    return MotionKernels(_entry, _cut, certify, _pairs_of(around.classes.kernels), _most, _between)
+    return MotionKernels(
+        _entry, _cut, _certify_for(around.static.kernels), _pairs_of(around.classes.kernels), _most, _between
+    )
 
 
 ARCS = MotionKind(_kernels, _free, _trajectory)

@@ -22,8 +22,9 @@ def taut_lines(path: Curves, connect: Connect, checker: EdgeChecker) -> Any:
     """Shorten consecutive straight motions into the goal inside their class, and connect the corners that are left."""
     length = path.length[-1].sum()
     x, y, theta = path.start[-1]
-    end = np.array([x + length * np.cos(theta), y + length * np.sin(theta)])
-    short = taut_polyline(np.vstack([path.start[:, :2], end]), checker)
+    short = taut_polyline(
+        np.vstack([path.start[:, :2], np.array([x + length * np.cos(theta), y + length * np.sin(theta)])]), checker
+    )
     return connect(short[:-1], short[1:])
 
 
@@ -32,8 +33,9 @@ def taut_polyline(points: Array, checker: EdgeChecker) -> Array:
     capacity = max(TUNING.capacity, TUNING.capacity_per_corner * len(points))
     out = np.empty((capacity + TUNING.loose_capacity, 2))
     around = checker.around
-    taut = tautening(around.static.kernels, around.classes.kernels)
-    short = out[: taut(around, np.ascontiguousarray(points), capacity, out)].copy()
+    short = out[
+        : tautening(around.static.kernels, around.classes.kernels)(around, np.ascontiguousarray(points), capacity, out)
+    ].copy()
     return short if _length(short, len(short)) <= _length(points, len(points)) else points
 
 
@@ -99,10 +101,7 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
             if k == halvings:
                 break
             key = key_of(around, corner[0], corner[1], False) + key_of(around, corner[1], corner[2], False)
-            if joins(around, 0, corner[0], corner[2], False, key):
-                low = share
-            else:
-                high = share
+            low, high = (share, high) if joins(around, 0, corner[0], corner[2], False, key) else (low, share)
         return low
 
     @inlined

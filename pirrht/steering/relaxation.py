@@ -59,8 +59,7 @@ def resumed(
 ) -> Legs | None:  # fmt: skip
     """Shorten the rest of a path from x (3,) [m, m, s] near it, in any class; None if none is left or free."""
     knots = path.knots
-    soon = x[2] + TUNING.soon * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
-    knots = np.vstack([x, knots[knots[:, 2] > soon]])
+    knots = np.vstack([x, knots[knots[:, 2] > x[2] + TUNING.soon * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)]])
     if len(knots) < 2:
         return None
     for margin in TUNING.margins_again:
@@ -78,8 +77,7 @@ def resumed(
 def _into(place: Array, goal: Goal) -> Array:
     """Move a place (2,) [m] inside the goal's disc [m]."""
     away = place - goal.center
-    share = min(1.0, (1.0 - TUNING.inside) * goal.radius / max(np.hypot(*away), 1e-300))
-    return np.asarray(goal.center + away * share)
+    return np.asarray(goal.center + away * min(1.0, (1.0 - TUNING.inside) * goal.radius / max(np.hypot(*away), 1e-300)))
 
 
 def _judged(path: Legs, checker: EdgeChecker) -> tuple[bool, int]:
@@ -113,8 +111,7 @@ def _meshed(knots: Array, count: int) -> Array:
     bends = np.hypot(*np.diff(steps[:, :2] / steps[:, 2:], axis=0).T)
     if len(bends) and bends.sum() > 0.0:
         middle = 0.5 * (even[1:] + even[:-1])
-        width = 0.05 * (times[-1] - times[0])
-        near = np.exp(-(((middle[:, None] - times[None, 1:-1]) / width) ** 2)) @ bends
+        near = np.exp(-(((middle[:, None] - times[None, 1:-1]) / (0.05 * (times[-1] - times[0]))) ** 2)) @ bends
         weight = (1.0 - TUNING.bends) / 256 + TUNING.bends * near / near.sum()
     share = np.concatenate([[0.0], np.cumsum(weight)])
     at = np.interp(np.linspace(0.0, share[-1], count + 1), share, even)
@@ -136,8 +133,9 @@ def shortcuts(space: SpaceKernels, moving: MovingKernels | None, classes: Signat
 
         marker = np.empty(M, np.int32)
         turn = np.empty(M, np.int16)
-        count = crossings(around.classes, tail, head, to_goal, marker, turn, 0)
-        return key_of_pairs(marker, turn, 0, count, around.weights)
+        return key_of_pairs(
+            marker, turn, 0, crossings(around.classes, tail, head, to_goal, marker, turn, 0), around.weights
+        )
 
     @kernel
     def joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]

@@ -164,8 +164,9 @@ class Steering(ABC):
             x[:] = self.sample(space.scene, rng)
             if rng.random() < goal_share:
                 angle = rng.uniform(-np.pi, np.pi)
-                radius = space.scene.goal.radius * np.sqrt(rng.random())
-                x[:2] = space.scene.goal.center + radius * np.array([np.cos(angle), np.sin(angle)])
+                x[:2] = space.scene.goal.center + (space.scene.goal.radius * np.sqrt(rng.random())) * np.array(
+                    [np.cos(angle), np.sin(angle)]
+                )
         return drawn
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
@@ -177,8 +178,7 @@ class Steering(ABC):
 
         Indices, cheapest first, (count,) or (k,) if those are fewer; the paper's NearForward and NearBackward.
         """
-        cost = self.distance(x, states) if forward else self.distance(states, x)
-        return np.argsort(cost, kind="stable")[:count]
+        return np.argsort(self.distance(x, states) if forward else self.distance(states, x), kind="stable")[:count]
 
     def trajectory(self, path: Any) -> Trajectory:
         """Return controls (l, m) along a path of consecutive motions, 0 if they are unknown, and durations (l,) [s]."""

@@ -16,5 +16,6 @@ def signature_of(scene: Scene, encircled: Sequence[Component], named: int | None
     Names of classes give `named` turns at least; None: all of them.
     """
     markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
-    static = Homology(markers=markers, goal=scene.goal.center.astype(float), named=named)
-    return static.with_moving(scene.movers, scene.footprint)
+    return Homology(markers=markers, goal=scene.goal.center.astype(float), named=named).with_moving(
+        scene.movers, scene.footprint
+    )

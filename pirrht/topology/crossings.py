@@ -152,8 +152,7 @@ def keys_of_steps(cuts, f, rows, n, keys, at):  # type: ignore[no-untyped-def]
         my = np.float32(load_float64(cuts.y, c))
         weight = load_int64(cuts.weight, c)
         for k in range(n):
-            turn = turn_at_cut(mx, my, gx, gy, f[X + k], f[Y + k], f[NX + k], f[NY + k])
-            keys[at + k] += turn * weight
+            keys[at + k] += turn_at_cut(mx, my, gx, gy, f[X + k], f[Y + k], f[NX + k], f[NY + k]) * weight
 
 
 @inlined

@@ -27,8 +27,9 @@ class Driven:
 
     def _on(self, states: Array, until: float) -> tuple[IntArray, Array]:
         whole, last = self._known
-        times = np.linspace(last[-1], max(until, last[-1]), len(states) + 1)[1:]
-        path = np.vstack([last, self._homology.at(states, times)])
+        path = np.vstack(
+            [last, self._homology.at(states, np.linspace(last[-1], max(until, last[-1]), len(states) + 1)[1:])]
+        )
         return whole + self._homology.along(path), path[-1]
 
     @property

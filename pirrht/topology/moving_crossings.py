@@ -89,8 +89,9 @@ def crossings_of_base(tracks, j, goal, speed, start, first):  # type: ignore[no-
     (x, y, t), (gx, gy) = start, goal
     arrives = t + math.hypot(gx - x, gy - y) / speed
     last = seen_from(tracks, j, gx, gy, arrives)
-    ahead = crossings_of_step(tracks, j, start, (gx, gy, arrives), first, last)
-    return ahead - crossings_of_waiting(tracks, j, gx, gy, arrives, last[0], last[1])
+    return crossings_of_step(tracks, j, start, (gx, gy, arrives), first, last) - crossings_of_waiting(
+        tracks, j, gx, gy, arrives, last[0], last[1]
+    )
 
 
 @kernel
@@ -171,8 +172,9 @@ class RayTable(NamedTuple):
         seen, along = (_goal_seen(tracks, goal, some) for some in (times, fine))
         goal_x, goal_y = goal.tolist()
         # At its end, the goal point itself, it is on no ray.
-        taken_off = int(_key_of_path(cls(along, weight, 0, goal_x, goal_y), base, len(base) - 2))
-        return cls(seen, weight, -taken_off, goal_x, goal_y)
+        return cls(
+            seen, weight, -int(_key_of_path(cls(along, weight, 0, goal_x, goal_y), base, len(base) - 2)), goal_x, goal_y
+        )
 
 
 SPOT = 4  # numbers of the last place of a path: step, share of it, and place as seen from the goal point [m]
@@ -256,9 +258,7 @@ def follow(marks, i, share, x, watch):  # type: ignore[no-untyped-def]
         c = gx * ry - gy * rx
         passed += (side[j] > 0.0) != (c > 0.0)
         side[j] = c
-    key = np.int64(0)
-    if passed > 0:
-        key = _turns(marks, i, share, rx, ry, side.shape[0], spot)
+    key = _turns(marks, i, share, rx, ry, side.shape[0], spot) if passed > 0 else np.int64(0)
 
     spot[0] = i
     spot[1] = share

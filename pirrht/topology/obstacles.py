@@ -73,8 +73,9 @@ def continued(
         found = (i for i in near if collision.obstacle_distance(i, marker[None])[0] <= radius)
         return next((part_of[i] for i in found if i in part_of), None)
 
-    upper = collision.world.upper
-    gone = Component(members=(), names=(), marker=2.0 * upper - collision.world.lower, joins_border=False)
+    gone = Component(
+        members=(), names=(), marker=2.0 * collision.world.upper - collision.world.lower, joins_border=False
+    )
     covers = [None if old.marker is None else cover(old.marker) for old in before]
     new = iter([part for part in parts if part.marker is not None and part not in covers])
     found = []
@@ -96,8 +97,9 @@ def _component(planar: "_Planar", members: list[int]) -> Component | None:
     areas = np.prod(planar.high[members] - planar.low[members], axis=1)
     largest = members[int(np.flatnonzero(areas >= areas.max() * (1 - 1e-9))[0])]
     names = tuple(planar.obstacles[i].name for i in members)
-    marker = None if border else planar.center(largest)
-    return Component(members=tuple(members), names=names, marker=marker, joins_border=border)
+    return Component(
+        members=tuple(members), names=names, marker=None if border else planar.center(largest), joins_border=border
+    )
 
 
 class _Planar:
@@ -131,8 +133,7 @@ class _Planar:
         lows = self.low[order, 0]
         for position, i in enumerate(order.tolist()):
             later = order[position + 1 : int(np.searchsorted(lows, self.high[i, 0], side="right"))]
-            overlap = (self.low[later, 1] <= self.high[i, 1]) & (self.high[later, 1] >= self.low[i, 1])
-            yield i, later[overlap]
+            yield i, later[(self.low[later, 1] <= self.high[i, 1]) & (self.high[later, 1] >= self.low[i, 1])]
 
     def sure(self, i: int, near: IntArray) -> BoolArray:
         """Check which solids near (k,) the i-th one certainly joins, (k,): upright boxes both, by one point of both.
@@ -210,9 +211,7 @@ def _centroid(polygon: Array) -> tuple[Array, float]:
     q = np.roll(p, -1, axis=0)
     cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]  # twice the triangles
     twice = float(cross.sum())
-    if twice < 2e-20:
-        return polygon.mean(axis=0), 0.0
-    return polygon[0] + cross @ (p + q) / (3.0 * twice), 0.5 * twice
+    return (polygon.mean(axis=0), 0.0) if twice < 2e-20 else (polygon[0] + cross @ (p + q) / (3.0 * twice), 0.5 * twice)
 
 
 def _clipped(polygon: Array, heights: Array) -> Array:

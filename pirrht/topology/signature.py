@@ -53,8 +53,9 @@ def _unclassified() -> SignatureKernels:
     key = inlined(lambda table, a, b: np.int64(0))
     begin = inlined(lambda rays, x, watch: np.int64(0))
     follow = inlined(lambda rays, i, share, x, watch: np.int64(0))
-    keys = inlined(lambda table, f, rows, n, keys, at: None)
-    return SignatureKernels(None, None, None, None, key, keys, nothing, begin, follow)
+    return SignatureKernels(
+        None, None, None, None, key, inlined(lambda table, f, rows, n, keys, at: None), nothing, begin, follow
+    )
 
 
 NO_CLASSES = _unclassified()
@@ -151,8 +152,9 @@ class Signature(ABC):
     def at(self, x: Array, time: float | Array) -> Array:
         """Points (..., d + 1) of states x (..., n) at times (...,) [s]: positions, then times."""
         position = x[..., : len(self.goal)]
-        times = np.broadcast_to(np.asarray(time, dtype=float), position.shape[:-1])
-        return np.concatenate([position, times[..., None]], axis=-1)
+        return np.concatenate(
+            [position, np.broadcast_to(np.asarray(time, dtype=float), position.shape[:-1])[..., None]], axis=-1
+        )
 
     def base(self, x: Array) -> Array:
         """H of the base from a point x, (M,) [turns], without the leading 1; 0 about moving markers at an open time."""
@@ -203,8 +205,7 @@ class Signature(ABC):
     def _timed(self, path: Array) -> Array:
         """Points (k, d + 1) of a path (k, n); times are 0 where nothing moves."""
         d = len(self.goal)
-        times = path[:, d] if self.J else np.zeros(len(path))
-        return np.column_stack([path[:, :d], times])
+        return np.column_stack([path[:, :d], path[:, d] if self.J else np.zeros(len(path))])
 
     def signature(self, x: Array, winding: Sequence[int]) -> Array:
         """The paper's H = 1 + H(sigma) of a class (M,) seen from a point x, (M,) [turns]."""

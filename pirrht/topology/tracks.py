@@ -48,18 +48,17 @@ class MarkerTrajectories(Held, TrajectoryTable):
     @classmethod
     def of(cls, paths: Sequence[Array], periods: Sequence[float], goal: Array) -> "MarkerTrajectories":
         """Follow paths (k, 3) of times [s] and places [m], repeated after periods [s] if not 0; goal point (2,) [m]."""
-        every = np.vstack([np.zeros((0, 3)), *paths])
-        columns = (np.ascontiguousarray(column) for column in every.T)
+        columns = (np.ascontiguousarray(column) for column in np.vstack([np.zeros((0, 3)), *paths]).T)
         begun = [path - [path[0, 0], 0.0, 0.0] for path in paths]
         boxes = [_boxes_of(path, repeat=again > 0.0) for path, again in zip(begun, periods, strict=True)]
-        firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (paths, boxes))
-        first, first_box = firsts
+        first, first_box = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (paths, boxes))
         every_box = np.ascontiguousarray(np.vstack([np.zeros((0, BOX)), *boxes]))
         crossed = [_crossed(goal - path[:, 1:]) for path in paths]
         waited = np.concatenate([np.zeros(0, np.int64), *(each[:-1] for each in crossed)])
         lap = np.array([each[-1] for each in crossed], dtype=np.int64)
-        every_period = np.array(periods, dtype=float)
-        return cls.holding(len(paths), first, *columns, every_period, waited, lap, every_box, first_box)
+        return cls.holding(
+            len(paths), first, *columns, np.array(periods, dtype=float), waited, lap, every_box, first_box
+        )
 
 
 def _boxes_of(path: Array, *, repeat: bool) -> Array:
@@ -114,10 +113,7 @@ def _next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
     """Find the first of the places from begin to end that comes after t [s] of its own clock; `end` if none does."""
     while begin < end:
         middle = (begin + end) // 2
-        if load_float64(tracks.time, middle) <= t:
-            begin = middle + 1
-        else:
-            end = middle
+        begin, end = (middle + 1, end) if load_float64(tracks.time, middle) <= t else (begin, middle)
     return begin
 
 
@@ -242,8 +238,9 @@ def trajectories_of(
     if not rows:
         return (), NO_TRACKS
     paths = [_path(mover.motion, point, TUNING.chord_error * footprint.radius) for mover, point in rows]
-    periods = [mover.motion.rows[-1, 0] if mover.motion.repeat else 0.0 for mover, _ in rows]
-    return tuple(mover.name for mover, _ in rows), MarkerTrajectories.of(paths, periods, goal)
+    return tuple(mover.name for mover, _ in rows), MarkerTrajectories.of(
+        paths, [mover.motion.rows[-1, 0] if mover.motion.repeat else 0.0 for mover, _ in rows], goal
+    )
 
 
 def markers_of(mover: Mover, footprint: Footprint) -> Array:
