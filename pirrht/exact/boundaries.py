@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import kve
 
 from pirrht.arrays import Array, IntArray
-from pirrht.exact.grid import TUNING, Frame, to_rim
+from pirrht.exact.grid import TUNING, Frame, place_at, to_rim
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.walls import stands_apart
@@ -156,8 +156,8 @@ def patch_of(domain, later, near, begin, end, corners, margin):  # type: ignore[
     base = later[a0:a1, b0:b1].max() if a0 < a1 and b0 < b1 else -math.inf
     for i in range(k):
         for j in range(m):
-            x = frame.x0 + (i0 + i) * frame.spacing
-            _to_rows(domain, near, end, x, frame.y0 + (j0 + j) * frame.spacing, ahead[:, i, j])
+            x, y = place_at(frame, i0 + i, j0 + j)
+            _to_rows(domain, near, end, x, y, ahead[:, i, j])
             if base > -math.inf and a0 <= i0 + i < a1 and b0 <= j0 + j < b1:
                 psi[i, j] = math.exp(later[i0 + i, j0 + j] - base)
     return Patch((i0, j0), 2 * margin + 1, psi, base, near, ahead, begin, end)
@@ -168,11 +168,7 @@ def _to_rows(domain, near, pose, x, y, out):  # type: ignore[no-untyped-def]
     """Fill `out` (5 + c,) with distances of (x, y) [m] from goal, borders and solids."""
     left, low, right, high = domain.border
 
-    out[0] = to_rim(domain.frame, x, y)
-    out[1] = x - left
-    out[2] = right - x
-    out[3] = y - low
-    out[4] = high - y
+    out[:SOLID] = (to_rim(domain.frame, x, y), x - left, right - x, y - low, high - y)
 
     for n in range(near.shape[0]):
         out[SOLID + n] = clearance_from(domain, near[n], pose, x, y)
@@ -272,8 +268,7 @@ def meet_boundaries(domain, step, t, later, out):  # type: ignore[no-untyped-def
         for j0 in range(0, ny, tile):
             i1 = min(i0 + tile, nx)
             j1 = min(j0 + tile, ny)
-            x = frame.x0 + 0.5 * (i0 + i1 - 1) * frame.spacing
-            y = frame.y0 + 0.5 * (j0 + j1 - 1) * frame.spacing
+            x, y = place_at(frame, 0.5 * (i0 + i1 - 1), 0.5 * (j0 + j1 - 1))
             near = solids_near(domain, begin, end, x, y, reach)
             bordered = step.wall < math.inf and to_border(domain, x, y) < reach
             if len(near) == 0 and not bordered and to_rim(frame, x, y) >= reach:
@@ -282,8 +277,7 @@ def meet_boundaries(domain, step, t, later, out):  # type: ignore[no-untyped-def
             least = patch.base + math.log(TUNING.underflow)
             for i in range(i0, i1):
                 for j in range(j0, j1):
-                    x = frame.x0 + i * frame.spacing
-                    y = frame.y0 + j * frame.spacing
+                    x, y = place_at(frame, i, j)
                     free, met = boundaries_of(domain, step, patch, x, y)
                     if not free:
                         out[i, j] = -math.inf
@@ -308,7 +302,7 @@ def log_psi_before(domain, step, t, later, x, slope):  # type: ignore[no-untyped
         domain, later, near, begin, end, (i, j, i + 1, j + 1), math.ceil(step.cutoff / frame.spacing + 0.5)
     )
 
-    slope[0], slope[1] = 0.0, 0.0
+    slope[:2] = 0.0
     free, met = boundaries_of(domain, step, patch, x[0], x[1])
     if not free:
         return -step.wall

@@ -15,7 +15,7 @@ from scipy.ndimage import distance_transform_edt
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.errors import OptionError
-from pirrht.exact.grid import TUNING, Frame, Progress, Settling, cubic, frame_at, in_goal, interpolate
+from pirrht.exact.grid import TUNING, Frame, Progress, Settling, cubic, frame_at, in_goal, interpolate, place_at
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.space import BLOCKED, FREE, GOAL, INSIDE, UNSURE, SpaceKernels, pose_at
 from pirrht.jit.jit import inlined, kernel
@@ -127,8 +127,7 @@ def tracing(space: SpaceKernels, reads: tuple[int, ...]) -> Any:
         (nx, ny, nt), length = rays.ended.shape, TUNING.ray * frame.spacing
         for i in range(nx):
             for j in range(ny):
-                x = frame.x0 + i * frame.spacing
-                y = frame.y0 + j * frame.spacing
+                x, y = place_at(frame, i, j)
 
                 if not fits(arena, x, y, nt):
                     rays.ended[i, j, :] = -1.0

@@ -155,6 +155,12 @@ def to_rim(frame, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def place_at(frame, i, j):  # type: ignore[no-untyped-def]
+    """Position (x, y) of a grid point, or of a place between some [m]."""
+    return frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
+
+
+@inlined
 def in_goal(frame, x):  # type: ignore[no-untyped-def]
     """Tell whether the position of x (n,) [m] is in the goal's disc."""
     return (x[0] - frame.goal_x) ** 2 + (x[1] - frame.goal_y) ** 2 <= frame.radius * frame.radius
@@ -246,8 +252,7 @@ def interpolate(values, frame, x, slope):  # type: ignore[no-untyped-def]
             along_x += dx[a] * py[b] * value
             along_y += px[a] * dy[b] * value
             along_t += px[a] * py[b] * turning
-    slope[0] = along_x / frame.spacing
-    slope[1] = along_y / frame.spacing
+    slope[:2] = (along_x / frame.spacing, along_y / frame.spacing)
 
     if nt > 1:
         slope[2] = along_t * nt / (2.0 * math.pi)

@@ -21,7 +21,17 @@ from pirrht.errors import OptionError
 from pirrht.exact import boundaries, point
 from pirrht.exact.boundaries import JUMP, MovingDomain, clearance_at, poses_at
 from pirrht.exact.discrete_point import Step, smooth, step_of, taps_along
-from pirrht.exact.grid import TUNING, Domain, Equation, Progress, affordable, frame_at, in_goal, largest_change
+from pirrht.exact.grid import (
+    TUNING,
+    Domain,
+    Equation,
+    Progress,
+    affordable,
+    frame_at,
+    in_goal,
+    largest_change,
+    place_at,
+)
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion
 from pirrht.geometry.scene import Scene
@@ -217,8 +227,7 @@ def _sample(stationary, domain, t, out):  # type: ignore[no-untyped-def]
 
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
-            x[0] = frame.x0 + i * frame.spacing
-            x[1] = frame.y0 + j * frame.spacing
+            x[:] = place_at(frame, i, j)
             blocked = in_goal(frame, x) or clearance_at(domain, pose, x[0], x[1]) <= 0.0
             out[i, j] = -math.inf if blocked else point.evaluate(stationary, x, slope)
 
@@ -226,7 +235,7 @@ def _sample(stationary, domain, t, out):  # type: ignore[no-untyped-def]
 @kernel
 def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (3,) [m, m, s]; its gradient [1/m] goes to slope (2,). -phi/lambda in walls."""
-    slope[0], slope[1] = 0.0, 0.0
+    slope[:2] = 0.0
     if in_goal(grid.domain.frame, x):
         return 0.0
     t = max(x[2], 0.0)

@@ -212,7 +212,7 @@ def arm_basis(arms: ComplexArray, kh: float) -> Array:
 @kernel
 def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (2,); its gradient [1/m] goes to slope (2,). Minus infinity far inside of a wall."""
-    slope[0], slope[1] = 0.0, 0.0
+    slope[:2] = 0.0
     if in_goal(grid.frame, x):
         return 0.0
     nx, ny = grid.owner.shape
@@ -253,7 +253,6 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     gx = (down.real + kh * up.real) / h
     gy = (kh * up.imag - down.imag) / h
     total = max(total, grid.least * math.sqrt(gx * gx + gy * gy))
-    slope[0] = gx / total
-    slope[1] = gy / total
+    slope[:2] = (gx / total, gy / total)
 
     return grid.shift[o] + math.log(total)

@@ -244,11 +244,7 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
             break
         sure = certify_piece(field, (from_x, from_y), (next_x, next_y), False) == FREE
         if not sure and (x != from_x or y != from_y):
-            out[count, 0] = x
-            out[count, 1] = y
-            out[count, 2] = heading
-            out[count, 3] = clearance(field, x, y)
-
+            out[count] = (x, y, heading, clearance(field, x, y))
             from_x, from_y = x, y
             count += 1
         gap = math.hypot(next_x - x, next_y - y)
@@ -258,11 +254,7 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         if c > least + TUNING.walk_wider * radius:
             break
     if x != from_x or y != from_y:
-        out[count, 0] = x
-        out[count, 1] = y
-        out[count, 2] = heading
-        out[count, 3] = clearance(field, x, y)
-
+        out[count] = (x, y, heading, clearance(field, x, y))
         count += 1
     return count
 

@@ -106,16 +106,7 @@ class StateKernels(NamedTuple):
 def pose_at(reads: tuple[int, ...]) -> Any:
     """Build the kernel (x (n,)) that takes the numbers at some indices, two or three, out of a state."""
     i, j, k = (*reads, 0)[:3]
-
-    @part
-    def of_two(x):  # type: ignore[no-untyped-def]
-        return x[i], x[j]
-
-    @part
-    def of_three(x):  # type: ignore[no-untyped-def]
-        return x[i], x[j], x[k]
-
-    return of_two if len(reads) == 2 else of_three
+    return part(lambda x: (x[i], x[j])) if len(reads) == 2 else part(lambda x: (x[i], x[j], x[k]))
 
 
 @cache
@@ -126,13 +117,8 @@ def at_states(kernels: SpaceKernels, reads: tuple[int, ...]) -> StateKernels:
     clearance_of, certify_of = kernels.clearance, kernels.certify
     if not whole:
         clearance_of, certify_of = kernels.place, kernels.certify_place
-
-    @inlined
-    def clearance(static, x):  # type: ignore[no-untyped-def]
-        return clearance_of(static, pose(x))
-
-    @inlined
-    def certify(static, x):  # type: ignore[no-untyped-def]
-        return certify_of(static, pose(x))
-
-    return StateKernels(pose, clearance, certify)
+    return StateKernels(
+        pose,
+        inlined(lambda static, x: clearance_of(static, pose(x))),
+        inlined(lambda static, x: certify_of(static, pose(x))),
+    )

@@ -187,15 +187,9 @@ def merging(numbers: int) -> Any:
     than `widest` [m]. No heading brings them nearer.
     """
 
-    @inlined
-    def in_plane(near, k):  # type: ignore[no-untyped-def]
-        return np.float32(near[k, 1]), np.float32(near[k, 2])
-
-    @inlined
-    def with_heading(near, k):  # type: ignore[no-untyped-def]
-        return np.float32(near[k, 1]), np.float32(near[k, 2]), ZERO
-
-    direction = in_plane if numbers == 2 else with_heading
+    direction = inlined(lambda near, k: (np.float32(near[k, 1]), np.float32(near[k, 2])))
+    if numbers == 3:
+        direction = inlined(lambda near, k: (np.float32(near[k, 1]), np.float32(near[k, 2]), ZERO))
 
     @inlined
     def merged(walls, near, count, widest):  # type: ignore[no-untyped-def]

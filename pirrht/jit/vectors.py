@@ -59,31 +59,17 @@ def solve(A, Y, X):  # type: ignore[no-untyped-def]
 @cache
 def dot(width: int) -> Any:
     """Return the function (a, b) that multiplies two tuples of two or three numbers."""
-
-    @part
-    def of_two(a, b):  # type: ignore[no-untyped-def]
-        return a[0] * b[0] + a[1] * b[1]
-
-    @part
-    def of_three(a, b):  # type: ignore[no-untyped-def]
-        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-    return of_two if width == 2 else of_three
+    if width == 2:
+        return part(lambda a, b: a[0] * b[0] + a[1] * b[1])
+    return part(lambda a, b: a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 @cache
 def combined(width: int) -> Any:
     """Return the function (s, a, t, b) that makes s a + t b of tuples of two or three numbers."""
-
-    @part
-    def of_two(s, a, t, b):  # type: ignore[no-untyped-def]
-        return s * a[0] + t * b[0], s * a[1] + t * b[1]
-
-    @part
-    def of_three(s, a, t, b):  # type: ignore[no-untyped-def]
-        return s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2]
-
-    return of_two if width == 2 else of_three
+    if width == 2:
+        return part(lambda s, a, t, b: (s * a[0] + t * b[0], s * a[1] + t * b[1]))
+    return part(lambda s, a, t, b: (s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2]))
 
 
 @cache

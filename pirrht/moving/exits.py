@@ -85,14 +85,7 @@ def _list(moving, notes, x, y, t, within):  # type: ignore[no-untyped-def]
         if outside_of(moving, j, ox, oy, x, y) < within:
             notes.candidates[count] = j
             count += 1
-    known = notes.listing
-
-    known[REACH] = within
-    known[X] = x
-    known[Y] = y
-    known[SEEN] = t
-
-    known[AFTER], known[SERVES], known[COUNT] = after, until, count
+    notes.listing[:] = (within, x, y, t, after, until, float(count))
 
 
 @part
@@ -104,14 +97,9 @@ def _see(moving, j, t, near):  # type: ignore[no-untyped-def]
         near[j, OY] += past * near[j, VY]
         near[j, YAW] += past * near[j, TURN]
     else:
-        ox, oy, yaw, vx, vy, turn, ends = piece_of(moving, j, t)
-        near[j, OX], near[j, OY], near[j, YAW] = ox, oy, yaw
-
-        near[j, VX] = vx
-        near[j, VY] = vy
-        near[j, TURN] = turn
-        near[j, UNTIL] = ends
-
+        piece = piece_of(moving, j, t)
+        near[j, OX:SINCE] = piece[:6]
+        near[j, UNTIL] = piece[6]
         near[j, FACED] = math.inf
     near[j, SINCE] = t
 
@@ -128,9 +116,7 @@ def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
         near[j, FACED] = yaw
     d, nx, ny, ex, ey = wall_facing(moving, j, ox, oy, near[j, COS], near[j, SIN], x, y)
 
-    near[j, D] = d
-    near[j, NX] = nx
-    near[j, NY] = ny
+    near[j, D:WX] = (d, nx, ny)
     near[j, KNOWN] = 1.0
 
     near[j, WX] = near[j, VX] - near[j, TURN] * (y - ey - oy)

@@ -31,8 +31,7 @@ def optimiser(kind: KernelSpec) -> Any:
     velocity, _, _, forward = forward_pass(kind)
     backward = backward_pass(kind)
 
-    n = kind.n
-    m = kind.m
+    n, m, _, _ = kind.sizes
     noisy_position = kind.noisy_position
     moving = kind.moving is not None
 

@@ -118,13 +118,8 @@ def propagate(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
     tx = np.float32(line[2])
     ty = np.float32(line[3])
 
-    for i in range(WIDTH):
-        f[TOP + i] = SINGLE.nothing
-        f[WHOLE + i] = ZERO
-        f[LOG_PSI + i] = ZERO
-        f[SLOPE_X + i] = ZERO
-
-        f[SLOPE_Y + i], f[PUSH + i], f[PUSH_NEXT + i] = ZERO, ZERO, ZERO
+    f[LOG_PSI:] = ZERO
+    f[TOP:WHOLE] = SINGLE.nothing
     for j in range(J):
         ax = known[PLACE_X + j]
         ay = known[PLACE_Y + j]
@@ -258,10 +253,8 @@ def sections_of(field, line, radius, decay):  # type: ignore[no-untyped-def]
                 ends[count, 0], left_wall = _march(field, px, py, -cy, cx, across)
                 ends[count, 1], right_wall = _march(field, px, py, cy, -cx, across)
 
-                point[count, 0] = px
-                point[count, 1] = py
-                ahead[count, 0] = cx
-                ahead[count, 1] = cy
+                point[count] = (px, py)
+                ahead[count] = (cx, cy)
 
                 free = max(clearance(field, px, py) - across, 0.0)
                 stride = min(TUNING.section_stride + TUNING.section_widening * free, TUNING.section_widest)

@@ -36,9 +36,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     """Build the kernels of one kind of dynamics."""
     drift = kind.drift
     q = kind.q
-    n = kind.n
-    m = kind.m
-    rows = kind.rows
+    n, m, rows, _ = kind.sizes
     stratonovich = kind.stratonovich
 
     varying_rate = kind.varying_rate
@@ -50,7 +48,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     noise_at: Any = diffusion_of(kind) if varying else drift
 
     fixed = n - rows
-    through_inputs = kind.input_form and varying
+    through_inputs = kind.traits.input_form and varying
     all_vary = varying or stratonovich
 
     scratch_walls, clearance_cost, _ = clearance_costs(kind.space, len(kind.reads), kind.moving)
@@ -209,10 +207,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         """Complete derivatives in the states where B is constant: modes move the state at which the drift is taken."""
         N = J.shape[1]
         B = setup.diffusion
-        D = np.zeros((n, J.shape[1]))
-
-        for i in range(n):
-            D[i, i] = 1.0
+        D = np.eye(n, N)
         for j in range(rows if setup.bridge and not noisy_position else 0):
             for k in range(N - n):
                 D[fixed + j, n + k] = (0.5 if k < m else -SWAY) * dt * B[j, k % m]
@@ -237,7 +232,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         are required; `active` are bits of the states that drift or q depend on.
         """
         x, a, dt, costate = at
-        N, size, count = n + a.shape[0], 0.0, 0
+        N, count = n + a.shape[0], 0
         which = np.empty(N, np.int64)
         work = (np.empty(n), np.empty(a.shape[0]), np.zeros((2, rows, m)), np.empty(n))
         F = np.zeros((N, N))
@@ -249,10 +244,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
                 count += 1
         if all_vary:
             displacement(setup, x, a, dt, work[2], work[3], work[0])  # for B
-            for j in range(rows):
-                for k in range(m):
-                    size = max(size, abs(work[2][0, j, k]))
-            nudge[n:] = TUNING.nudge / (dt * size)
+            nudge[n:] = TUNING.nudge / (dt * np.abs(work[2][0]).max())
         differentiate(setup, (x, a, dt, costate, 0.0), which[:count], nudge, curved, work, (J, F, S))
         if not all_vary:
             chain(setup, dt, which[:count], J, F, S)

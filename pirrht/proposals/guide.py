@@ -53,14 +53,6 @@ class Course(NamedTuple):
 COURSE: Any = Course
 
 
-class Nominal(NamedTuple):
-    """States, controls and feedback of a `Course` alone."""
-
-    states: Array  # (T+1, n)
-    control: Array  # (T, modes) a [1/sqrt(s)]
-    gains: Array  # (T, modes, n) K
-
-
 def empty_course(T: int, n: int, modes: int) -> Course:
     """Return a course of T steps from zeros, states (T+1, n); its noise is the passive one."""
     unit = np.tile(np.eye(modes), (T, 1, 1))
@@ -257,13 +249,13 @@ class Initialisation:
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
-        return self.retimed(
-            Nominal(last.states, last.modes, last.gains), last.length, last.times, times, elapsed=elapsed
-        )
+        empty = empty_course(len(last.modes), self.dynamics.n, self.width)
+        nominal = empty._replace(states=last.states, control=last.modes, gains=last.gains)
+        return self.retimed(nominal, last.length, last.times, times, elapsed=elapsed)
 
     def retimed(
         self,
-        last: Nominal | Course,
+        last: Course,
         length: int,
         before: Array,
         times: Array,

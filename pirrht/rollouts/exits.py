@@ -15,8 +15,7 @@ from pirrht.rollouts.step import Clear, KernelSpec, in_plane, pose_noise
 @cache
 def ended_for(kind: KernelSpec) -> Any:
     """Build the kernel that ends a step at its crossing, so that only noise until then [s] enters dQ/dP."""
-    n = kind.n
-    m = kind.m
+    n, m, _, _ = kind.sizes
     moving = kind.moving is not None
     along_line = kind.along_line
 

@@ -33,9 +33,7 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
 @cache
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, of all modes."""
-    n = kind.n
-    m = kind.m
-    modes = kind.modes
+    n, m, _, modes = kind.sizes
     angles = kind.angles
     noisy_position = kind.noisy_position
 

@@ -199,11 +199,8 @@ SCRATCH: Any = Scratch
 @cache
 def scratch_for(kind: KernelSpec) -> Any:
     """Build the kernel (setup, tables) that makes the scratch."""
-    n = kind.n
-    m = kind.m
-    rows = kind.rows
-    modes = kind.modes
-    fresh = kind.abreast * (kind.modes + kind.modes % 2)
+    n, m, rows, modes = kind.sizes
+    fresh = kind.abreast * (modes + modes % 2)
 
     watch = (kind.moving or NOTHING_MOVES).watch
     sides = followed(kind).watch

@@ -74,9 +74,9 @@ class KernelSpec(NamedTuple):
         return self.traits.noisy_position
 
     @property
-    def input_form(self) -> bool:
-        """Tell whether noise enters through inputs."""
-        return self.traits.input_form
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Numbers of states, of controls, of rows of B, and of modes of noise."""
+        return self.n, self.m, self.rows, self.modes
 
     @property
     def varying_rate(self) -> bool:
@@ -86,7 +86,7 @@ class KernelSpec(NamedTuple):
     @property
     def rows(self) -> int:
         """Trailing states that B has rows for."""
-        return self.n if self.input_form else self.m
+        return self.n if self.traits.input_form else self.m
 
     @property
     def along_line(self) -> bool:
@@ -123,7 +123,7 @@ class KernelSpec(NamedTuple):
 def diffusion_of(kind: KernelSpec) -> Any:
     """Build the kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
     block: Any = kind.diffusion_block
-    rows, m, input_form = kind.rows, kind.m, kind.input_form
+    rows, m, input_form = kind.rows, kind.m, kind.traits.input_form
 
     @borrowing
     def noise_at(x, p, s, G, B):  # type: ignore[no-untyped-def]
@@ -219,16 +219,7 @@ def length_for(kind: KernelSpec) -> Any:
 @cache
 def in_plane(width: int) -> Any:
     """Build the kernel that takes (xx, xy, yy) of the covariance of a pose of two or three numbers."""
-
-    @part
-    def of_two(cov):  # type: ignore[no-untyped-def]
-        return cov
-
-    @part
-    def of_three(cov):  # type: ignore[no-untyped-def]
-        return cov[0], cov[1], cov[3]
-
-    return of_two if width == 2 else of_three
+    return part(lambda cov: cov) if width == 2 else part(lambda cov: (cov[0], cov[1], cov[3]))
 
 
 class PoseNoise(NamedTuple):
@@ -247,15 +238,9 @@ def pose_noise(kind: KernelSpec) -> PoseNoise:
     i, j, k = (*(at - fixed for at in kind.reads), 0)[:3]
     of_dot = vectors.dot(len(kind.reads))
 
-    @part
-    def two(B, c):  # type: ignore[no-untyped-def]
-        return B[i, c] if i >= 0 else 0.0, B[j, c] if j >= 0 else 0.0
-
-    @part
-    def three(B, c):  # type: ignore[no-untyped-def]
-        return B[i, c] if i >= 0 else 0.0, B[j, c] if j >= 0 else 0.0, B[k, c] if k >= 0 else 0.0
-
-    row = two if len(kind.reads) == 2 else three
+    row = part(lambda B, c: (B[i, c] if i >= 0 else 0.0, B[j, c] if j >= 0 else 0.0))
+    if len(kind.reads) == 3:
+        row = part(lambda B, c: (B[i, c] if i >= 0 else 0.0, B[j, c] if j >= 0 else 0.0, B[k, c] if k >= 0 else 0.0))
 
     @part
     def of_two(B):  # type: ignore[no-untyped-def]
@@ -281,21 +266,14 @@ def pose_noise(kind: KernelSpec) -> PoseNoise:
         return xx, xy, xt, yy, yt, tt
 
     @part
-    def scaled_two(rates, dt):  # type: ignore[no-untyped-def]
-        return rates[0] * dt, rates[1] * dt, rates[2] * dt
-
-    @part
-    def scaled_three(rates, dt):  # type: ignore[no-untyped-def]
-        return rates[0] * dt, rates[1] * dt, rates[2] * dt, rates[3] * dt, rates[4] * dt, rates[5] * dt
-
-    @part
     def along(B, slope, out, g):  # type: ignore[no-untyped-def]
         for c in range(m):
             out[g, c] = of_dot(row(B, c), slope)
 
     if len(kind.reads) == 2:
-        return PoseNoise(of_two, scaled_two, row, along)
-    return PoseNoise(of_three, scaled_three, row, along)
+        return PoseNoise(of_two, part(lambda rates, dt: (rates[0] * dt, rates[1] * dt, rates[2] * dt)), row, along)
+    scaled = part(lambda r, dt: (r[0] * dt, r[1] * dt, r[2] * dt, r[3] * dt, r[4] * dt, r[5] * dt))
+    return PoseNoise(of_three, scaled, row, along)
 
 
 @cache
@@ -346,7 +324,7 @@ def shapes_for(kind: KernelSpec) -> Any:
 @cache
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
-    m, modes = kind.m, kind.modes
+    _, m, _, modes = kind.sizes
 
     column = law_columns(kind.n, modes).deviation
     even = modes + modes % 2
@@ -378,10 +356,8 @@ def noise_for(kind: KernelSpec) -> Any:
 @cache
 def motion(kind: KernelSpec) -> Any:
     """Build the kernel that writes where a step leads to `scratch.moved`, and returns how (`Moved`)."""
-    n = kind.n
-    m = kind.m
-    rows = kind.rows
-    fixed = kind.n - kind.rows
+    n, m, rows, _ = kind.sizes
+    fixed = n - rows
 
     drift = kind.drift
     stratonovich = kind.stratonovich

@@ -9,7 +9,7 @@ search of ever smaller steps, so that corners come to lie next to what the path 
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,8 +222,7 @@ def _chain(
                 for m in range(moves):
                     shift(states[i], m, tuning.first_step * 0.5**level, numbers, trial[0])
                     if i == len(states) - 1:
-                        trial[0, 0] = states[i, 0]
-                        trial[0, 1] = states[i, 1]
+                        trial[0, :2] = (states[i, 0], states[i, 1])
                     move(around, numbers, path, i, trial, tuning, scratch)
 
     @part
@@ -254,8 +253,7 @@ def _chain(
             search(around, numbers, path, moves, tuning, scratch)
         return path.states
 
-    found: Callable[..., Array] = shortened
-    return found
+    return cast(Callable[..., Array], shortened)
 
 
 def shortcut_with(key_of: Callable[..., int], joins: Callable[..., bool]) -> Callable[..., int]:
@@ -286,8 +284,7 @@ def shortcut_with(key_of: Callable[..., int], joins: Callable[..., bool]) -> Cal
             kept, i = kept + 1, to
         return kept
 
-    found: Callable[..., int] = shortcut
-    return found
+    return cast(Callable[..., int], shortcut)
 
 
 def resumed(x: Array, path: Motions, connect: Connect, checker: EdgeChecker, tuning: ResumeTuning = RESUME) -> Any:

@@ -263,15 +263,13 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair by one motion; the numbers are q and r."""
     k, (q, r) = tails.shape[0], numbers
 
-    path = np.empty((k, 8))
-    duration = np.empty(k)
-    cost = np.empty(k)
-    rates = np.empty((k, 2))
-
+    found = Cubics(np.empty((k, 8)), np.empty(k), np.empty(k), tails, heads, np.empty((k, 2)))
+    path = found.path
     for i in range(k):
-        duration[i], cost[i] = optimum(as_tuple(tails[i], 4), as_tuple(heads[i], 4), q, r)
-        rates[i, 0], rates[i, 1] = q, r
-        per = 1.0 / duration[i] if duration[i] > 0.0 else 0.0
+        T, found.cost[i] = optimum(as_tuple(tails[i], 4), as_tuple(heads[i], 4), q, r)
+        found.duration[i] = T
+        found.rates[i] = (q, r)
+        per = 1.0 / T if T > 0.0 else 0.0
         for d in range(2):
             mean = (heads[i, d] - tails[i, d]) * per
             before = tails[i, 2 + d]
@@ -281,7 +279,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
             path[i, d], path[i, 2 + d] = tails[i, d], before
             path[i, 4 + d] = (6.0 * mean - 4.0 * before - 2.0 * after) * per
             path[i, 6 + d] = 6.0 * (before + after - 2.0 * mean) * per * per
-    return Cubics(path, duration, cost, tails, heads, rates)
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -137,19 +137,15 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     k = tails.shape[0]
     radius = numbers[0]
 
-    start = np.empty((k, 3))
-    curvature = np.empty((k, 3))
-    length = np.empty((k, 3))
-    cost = np.empty(k)
-
+    found = Curves(np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty(k), tails, heads)
     for i in range(k):
-        copy_row(tails[i], start[i])
+        copy_row(tails[i], found.start[i])
         _, bends, pieces = shortest(tails[i], heads[i], radius, np.inf)
         for p in range(3):
-            curvature[i, p] = bends[p] / radius
-            length[i, p] = pieces[p] * radius
-        cost[i] = numbers[1] * (length[i, 0] + length[i, 1] + length[i, 2])
-    return Curves(start, curvature, length, cost, tails, heads)
+            found.curvature[i, p] = bends[p] / radius
+            found.length[i, p] = pieces[p] * radius
+        found.cost[i] = numbers[1] * (found.length[i, 0] + found.length[i, 1] + found.length[i, 2])
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,5 +121,4 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
         first[k] = used
         return Edges(near, status, motions.cost, Turns(first, marker[:used].copy(), turn[:used].copy())), unsure
 
-    found: Callable[..., tuple[Edges, int]] = judged
-    return found
+    return cast(Callable[..., tuple[Edges, int]], judged)

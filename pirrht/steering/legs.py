@@ -104,12 +104,7 @@ _most = inlined(lambda motions: 1)
 def _certify_for(space: SpaceKernels, moving: MovingKernels | None) -> Any:
     """Build the kernel that certifies legs, by kernels of a footprint and of moving obstacles; None: nothing moves."""
     free = free_leg(space, moving)
-
-    @inlined
-    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-        return free(around, _ends(motions, i))
-
-    return certify
+    return inlined(lambda motions, i, around, patient: free(around, _ends(motions, i)))
 
 
 def _kernels(around: Surroundings) -> MotionKernels:

@@ -275,12 +275,11 @@ _most = inlined(lambda curves: curves.length.shape[1])
 def _certify_for(space: SpaceKernels) -> Any:
     """Build the kernel that certifies curves, by kernels of a footprint."""
     certify_curve = space.certify_curve
-
-    @part
-    def certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
-        return certify_curve(around.static, curves.start[i], curves.curvature[i], curves.length[i], patient)
-
-    return certify
+    return part(
+        lambda curves, i, around, patient: certify_curve(
+            around.static, curves.start[i], curves.curvature[i], curves.length[i], patient
+        )
+    )
 
 
 def _kernels(around: Surroundings) -> MotionKernels:

@@ -191,9 +191,9 @@ def model(space: SpaceKernels, moving: MovingKernels | None) -> Any:
         c = clearance(static, (x, y))
         if c < margin:
             h = 0.5 * static.spacing
-            walls[count, 0], walls[count, 3], walls[count, 4] = c, 0.0, 0.0
-            walls[count, 1] = (clearance(static, (x + h, y)) - clearance(static, (x - h, y))) / (2.0 * h)
-            walls[count, 2] = (clearance(static, (x, y + h)) - clearance(static, (x, y - h))) / (2.0 * h)
+            nx = (clearance(static, (x + h, y)) - clearance(static, (x - h, y))) / (2.0 * h)
+            ny = (clearance(static, (x, y + h)) - clearance(static, (x, y - h))) / (2.0 * h)
+            walls[count] = (c, nx, ny, 0.0, 0.0)
             count += 1
         return count
 

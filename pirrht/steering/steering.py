@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -253,5 +253,4 @@ def nearest_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
                 at -= 1
             least[at], chosen[at] = d, i
 
-    found: Callable[..., None] = nearest
-    return found
+    return cast(Callable[..., None], nearest)

@@ -33,23 +33,15 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair by one straight piece; the number is the cost per meter."""
     k = tails.shape[0]
-
-    start = np.empty((k, 3))
-    curvature = np.zeros((k, 1))
-    length = np.empty((k, 1))
-    cost = np.empty(k)
-
+    found = Curves(np.empty((k, 3)), np.zeros((k, 1)), np.empty((k, 1)), np.empty(k), tails, heads)
     for i in range(k):
         dx = heads[i, 0] - tails[i, 0]
         dy = heads[i, 1] - tails[i, 1]
 
-        start[i, 0] = tails[i, 0]
-        start[i, 1] = tails[i, 1]
-        start[i, 2] = math.atan2(dy, dx)
-
-        length[i, 0] = math.hypot(dx, dy)
-        cost[i] = length[i, 0] * numbers[0]
-    return Curves(start, curvature, length, cost, tails, heads)
+        found.start[i] = (tails[i, 0], tails[i, 1], math.atan2(dy, dx))
+        found.length[i, 0] = math.hypot(dx, dy)
+        found.cost[i] = found.length[i, 0] * numbers[0]
+    return found
 
 
 class Lines(CompiledSteering):

@@ -50,6 +50,9 @@ class Cuts(Held, CutTable):
         return cls.holding(float(goal[0]), float(goal[1]), M, B, *arrays)
 
 
+NO_CIRCLE = 0.0, 0.0, -1.0  # of `crossed`
+
+
 @inlined
 def direction(dx, dy):  # type: ignore[no-untyped-def]
     """Return a number from 0 to 4 that grows with the angle of (dx, dy); 0 where there is none."""
@@ -123,13 +126,18 @@ def straight_turns(px, py, mx, my, gx, gy):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def marker_at(cuts, k):  # type: ignore[no-untyped-def]
+    """Place (x, y) [m] of the k-th marker by direction."""
+    return load_float64(cuts.x, k), load_float64(cuts.y, k)
+
+
+@inlined
 def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     """Additive key of the turns that the segment from (ax, ay) to (cx, cy) [m] adds; inlined for long loops."""
     key = np.int64(0)
     begin, end = sector(cuts, ax, ay, cx, cy)
     for i in range(begin, end):
-        mx = load_float64(cuts.x, i)
-        my = load_float64(cuts.y, i)
+        mx, my = marker_at(cuts, i)
         turn = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, ax, ay, cx, cy)
         if turn != 0:
             key += turn * load_int64(cuts.weight, i)
@@ -156,14 +164,17 @@ def keys_of_steps(cuts, f, rows, n, keys, at):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def crossed(cuts, ax, ay, bx, by, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append the pairs of a segment from (ax, ay) to (bx, by) [m] to marker, turn (l,) [turns]; number of pairs."""
+def crossed(cuts, ax, ay, bx, by, circle, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append the pairs of a segment from (ax, ay) to (bx, by) [m] to marker, turn (l,) [turns]; number of pairs.
+
+    Markers inside a circle, (x, y) of its centre [m] and its squared radius [m^2], are left out.
+    """
+    mid_x, mid_y, square = circle
     begin, end = sector(cuts, ax, ay, bx, by)
     for k in range(begin, end):
-        mx = load_float64(cuts.x, k)
-        my = load_float64(cuts.y, k)
+        mx, my = marker_at(cuts, k)
         whole = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, ax, ay, bx, by)
-        if whole != 0:
+        if whole != 0 and not (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square:
             marker[count], turn[count] = load_int32(cuts.marker, k), whole
             count += 1
     return count
@@ -177,22 +188,13 @@ def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[n
     """
     x, y, theta, curvature, length = piece
     gx, gy, bends = cuts.goal_x, cuts.goal_y, abs(curvature) * length >= 1e-9
-    mid_x, mid_y, square = 0.0, 0.0, -1.0
+    mid_x, mid_y, square = NO_CIRCLE
     if bends:
         mid_x, mid_y = center_of(x, y, theta, curvature)
         square = 1.0 / curvature**2
-    begin, end = sector(cuts, x, y, ex, ey)
-    for i in range(begin, end):
-        mx = load_float64(cuts.x, i)
-        my = load_float64(cuts.y, i)
-        whole = turn_at_cut(mx, my, gx, gy, x, y, ex, ey)
-        if whole != 0 and not (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square:
-            marker[count], turn[count] = load_int32(cuts.marker, i), whole
-            count += 1
+    count = crossed(cuts, x, y, ex, ey, (mid_x, mid_y, square), marker, turn, count)
     for i in range(cuts.M if bends else 0):
-        mx = load_float64(cuts.x, i)
-        my = load_float64(cuts.y, i)
-
+        mx, my = marker_at(cuts, i)
         if (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square:
             rest = straight_turns(ex, ey, mx, my, gx, gy) - straight_turns(x, y, mx, my, gx, gy)
             whole = math.floor(turns_of_piece(x, y, theta, curvature, length, mx, my) + rest + 0.5)

@@ -11,8 +11,8 @@ from pirrht.arrays import Array
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover
-from pirrht.jit.jit import inlined, kernel, load_float64, load_int32, part
-from pirrht.topology.crossings import Cuts, key_of_step, keys_of_steps, pairs_of_curve, straight_turns
+from pirrht.jit.jit import inlined, kernel, load_int32, part
+from pirrht.topology.crossings import Cuts, key_of_step, keys_of_steps, marker_at, pairs_of_curve, straight_turns
 from pirrht.topology.moving_crossings import NO_RAYS, MarkerTable, RayTable, begin, crossings_of_leg, follow, watch
 from pirrht.topology.signature import Signature, SignatureKernels, hash_weights
 from pirrht.topology.tracks import NO_TRACKS, MarkerTrajectories, places_at, trajectories_of, turns_of_step
@@ -25,8 +25,7 @@ def base(table, x, out):  # type: ignore[no-untyped-def]
     gx, gy = cuts.goal_x, cuts.goal_y
 
     for k in range(cuts.M):
-        mx = load_float64(cuts.x, k)
-        my = load_float64(cuts.y, k)
+        mx, my = marker_at(cuts, k)
         out[load_int32(cuts.marker, k)] = straight_turns(x[0], x[1], mx, my, gx, gy)
     for j in range(table.tracks.J):
         out[cuts.M + j] = 0.0
@@ -40,8 +39,7 @@ def turns(table, a, b, out):  # type: ignore[no-untyped-def]
     """Add H of a straight step from a to b, (3) each [m, m, s], to `out` (M,) [turns]."""
     cuts = table.cuts
     for k in range(cuts.M):
-        x = load_float64(cuts.x, k)
-        y = load_float64(cuts.y, k)
+        x, y = marker_at(cuts, k)
         out[load_int32(cuts.marker, k)] += turns_of_chord(a[0] - x, a[1] - y, b[0] - x, b[1] - y)
     for j in range(table.tracks.J):
         out[cuts.M + j] += turns_of_step(table.tracks, j, a, b)

@@ -17,7 +17,7 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64, part
-from pirrht.topology.crossings import Cuts, crossed
+from pirrht.topology.crossings import NO_CIRCLE, Cuts, crossed
 from pirrht.topology.tracks import (
     BOX,
     MarkerTrajectories,
@@ -47,7 +47,7 @@ def crossings_of_leg(markers, a, b, to_goal, marker, turn, count):  # type: igno
     point. There are `count` pairs already; `markers` is a record with the fields of `MarkerTable`.
     """
     cuts = markers.cuts
-    count = crossed(cuts, a[0], a[1], b[0], b[1], marker, turn, count)
+    count = crossed(cuts, a[0], a[1], b[0], b[1], NO_CIRCLE, marker, turn, count)
     for j in range(markers.tracks.J):
         whole = whole_turns(markers.tracks, j, (cuts.goal_x, cuts.goal_y), markers.speed, a, b, to_goal)
         if whole != 0:
