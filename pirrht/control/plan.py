@@ -123,8 +123,10 @@ class Plan:
         axes = maps.of(self.space, self.time, axes, "plan.plot")
         maps.predicted(axes, self.movers, self.time)
         for paths, share in self._heaviest(samples):
-            opacity = PLOTTING.faint + (PLOTTING.strong - PLOTTING.faint) * share
-            maps.lines(axes, paths, maps.SAMPLE, width=0.7, opacity=opacity, zorder=2)
+            maps.lines(
+                axes, paths, maps.SAMPLE, width=0.7, zorder=2,
+                opacity=PLOTTING.faint + (PLOTTING.strong - PLOTTING.faint) * share,
+            )  # fmt: skip
 
         by = self.weights()
         colors = ClassColors(self.ids)
@@ -292,8 +294,10 @@ def pooled(
         if name not in leads and old is not None:  # its guide, if it has one, is of an earlier plan
             new = replace(old, log_psi=float(log_psi), rest=control - old.guided(x, 0.0), unseen=0.0)
         else:
-            rest = control if lead is None else control - law_weight * lead.held(x)
-            new = ClassLaw(log_psi=float(log_psi), rest=rest, lead=lead, law_weight=law_weight)
+            new = ClassLaw(
+                log_psi=float(log_psi), rest=control if lead is None else control - law_weight * lead.held(x),
+                lead=lead, law_weight=law_weight,
+            )  # fmt: skip
         laws[name] = new if old is None else _joined(old, new, tuning.bound)
     top = max(law.log_psi for law in laws.values())
     laws = {name: law for name, law in laws.items() if law.log_psi > top - tuning.faded}

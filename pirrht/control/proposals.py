@@ -53,10 +53,8 @@ class ProposalBuilder:
     @property
     def learns(self) -> bool:
         """Check whether laws are fitted to samples."""
-        constant = self.integral.proposals.traits.constant_gain
-        return (
-            self.integral.guidance is not None and not self.integral.guidance.gated and constant
-        ) and self.settings.use.mixes
+        guidance, constant = self.integral.guidance, self.integral.proposals.traits.constant_gain
+        return guidance is not None and not guidance.gated and constant and self.settings.use.mixes
 
     def draft(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Draft:
         """Return what a plan at x (n,) samples around references, or passive dynamics if there is none."""
@@ -256,7 +254,8 @@ class ProposalBuilder:
         anew = not starts.optima and not short()
         names = [*map(run.route.homology.name, classes)]
         some = guidance.tuning.later_paces
-        paces = some[run.retries.count() % len(some)] if run.effort.weak else ()
+        turn = run.retries.count() % len(some)  # counted whether or not it is of use
+        paces = some[turn] if run.effort.weak else ()
 
         def improved(k: int) -> list[DDPGuide]:
             one = references[k]

@@ -104,8 +104,10 @@ class Desirability:
         spacing = cls.spacing_for(problem, space, spacing=spacing, dt=dt)
         solver = solver_for(problem, space, dt)
         gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
-        grid = solver.grid_of(problem, space, spacing, dt, progress)
-        return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, evaluate=solver.evaluate, gain=gain)
+        return cls(
+            problem=problem, space=space, spacing=spacing, dt=dt, evaluate=solver.evaluate, gain=gain,
+            grid=solver.grid_of(problem, space, spacing, dt, progress),
+        )  # fmt: skip
 
     @staticmethod
     def spacing_for(

@@ -68,8 +68,10 @@ def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
 
 def _upright(name: str, kind: Kind, size: Array, xy: Array, yaw: float = 0.0) -> Obstacle:
     """Make a solid of MuJoCo's sizes (3,), the second or last of which is half its height, that stands at a place."""
-    position = np.append(xy, size[1] if kind is Kind.CYLINDER else size[2])
-    return Obstacle(name=name, kind=kind, size=size, position=position, rotation=about_vertical(yaw))
+    return Obstacle(
+        name=name, kind=kind, size=size, rotation=about_vertical(yaw),
+        position=np.append(xy, size[1] if kind is Kind.CYLINDER else size[2]),
+    )  # fmt: skip
 
 
 def _prism(name: str, corners: Array, height: float) -> Obstacle:

@@ -116,7 +116,9 @@ def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
         near[j, FACED] = yaw
     d, nx, ny, ex, ey = wall_facing(moving, j, ox, oy, near[j, COS], near[j, SIN], x, y)
 
-    near[j, D:WX] = (d, nx, ny)
+    near[j, D] = d
+    near[j, NX] = nx
+    near[j, NY] = ny
     near[j, KNOWN] = 1.0
 
     near[j, WX] = near[j, VX] - near[j, TURN] * (y - ey - oy)

@@ -267,9 +267,8 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     def _enters(setup, x, y, dx, dy):  # type: ignore[no-untyped-def]
         """Check whether a straight line of (dx, dy) [m] from (x, y) [m] enters the goal."""
         length, (gx, gy), radius = math.sqrt(dx * dx + dy * dy), setup.world.goal, setup.world.radius
-        if math.sqrt((gx - x) ** 2 + (gy - y) ** 2) - radius >= length:
-            return False
-        return entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
+        near = math.sqrt((gx - x) ** 2 + (gy - y) ** 2) - radius < length
+        return near and entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
 
     @borrowing
     def _control(setup, task, law, i, x, B, u):  # type: ignore[no-untyped-def]

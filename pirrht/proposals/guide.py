@@ -120,12 +120,10 @@ class DDPGuide:
         steps = np.diff(self.times)[passed : self.length]
         durations = np.append(steps, travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9))
         controls = np.vstack([self.tape[passed : self.length], np.zeros(self.dynamics.m)])
-
-        seconds = float(durations.sum())
-        length = float(travel.sum())
-        path = straight(states, places, durations)
-
-        return Trajectory(controls=controls, durations=durations, path=path, cost=seconds, length=length)
+        return Trajectory(
+            controls=controls, durations=durations, path=straight(states, places, durations),
+            cost=float(durations.sum()), length=float(travel.sum()),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)

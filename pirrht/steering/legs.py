@@ -81,9 +81,7 @@ def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
     b = np.array([bx, by])
 
     sure = space.static.kernels.certify_piece(space.static, (ax, ay), (bx, by), True) == FREE
-    if not sure and not space.collision.segments_free(a[None], b[None])[0]:
-        return False
-    return not space.moving.meets(a, s, b, t)
+    return bool(sure or space.collision.segments_free(a[None], b[None])[0]) and not space.moving.meets(a, s, b, t)
 
 
 def _trajectory(steering: Any, path: Legs) -> Trajectory:

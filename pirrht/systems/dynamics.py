@@ -119,9 +119,8 @@ class Dynamics:
     @property
     def constant(self) -> bool:
         """Tell whether neither G nor B depends on the state; then both are arrays (rows, m)."""
-        if self.input_form:
-            return isinstance(self.input_matrix, np.ndarray)
-        return isinstance(self.control_block, np.ndarray) and isinstance(self.diffusion_block, np.ndarray)
+        blocks = (self.input_matrix,) if self.input_form else (self.control_block, self.diffusion_block)
+        return all(isinstance(block, np.ndarray) for block in blocks)
 
     @cached_property
     def noisy_position(self) -> bool:

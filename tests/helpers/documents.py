@@ -28,8 +28,9 @@ def commands(page: Path) -> list[str]:
 
 def models() -> dict[str, str]:
     """The MJCF that pages show, by the name of the model."""
-    texts = [text for page in PAGES for text in blocks(page, "xml")]
-    return {re.findall('model="(.*?)"', text)[0]: text for text in texts}
+    return {
+        re.findall('model="(.*?)"', text)[0]: text for text in [text for page in PAGES for text in blocks(page, "xml")]
+    }
 
 
 def links(page: Path) -> list[str]:

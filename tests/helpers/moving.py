@@ -27,8 +27,9 @@ def as_mesh(box: Obstacle) -> Obstacle:
 
 def clearance_among(movers: Iterable[Mover], footprint: Footprint, place: np.ndarray, time: float) -> float:
     """FCL's clearance [m] at a place (2,) from bodies as they stand at a time [s], without any border."""
-    solids = tuple(one for mover in movers for one in mover.at(time))
-    everywhere = Workspace(np.full(2, -np.inf), np.full(2, np.inf), solids)
+    everywhere = Workspace(
+        np.full(2, -np.inf), np.full(2, np.inf), tuple(one for mover in movers for one in mover.at(time))
+    )
     return float(Collision(everywhere, footprint).clearance(place[None])[0])
 
 
@@ -63,16 +64,16 @@ def busy() -> Scene:
 
 def crossing() -> Scene:
     """One disc crosses the straight way."""
-    rows = [(0.0, 3.25, 1.09, 0.0), (4.5, 3.25, 3.79, 0.0)]
-    return hall("crossing", [moved("crosser", rows, disc("crosser", 0.0, 0.0, 0.3))])
+    return hall(
+        "crossing", [moved("crosser", [(0.0, 3.25, 1.09, 0.0), (4.5, 3.25, 3.79, 0.0)], disc("crosser", 0.0, 0.0, 0.3))]
+    )
 
 
 def closing_door() -> Scene:
     """A gap that closes when the robot would arrive, and a way around."""
     rows = [(0.0, 3.1, 1.7, 0.0), (0.3, 3.1, 1.7, 0.0), (1.7, 3.1, 2.5, 0.0)]
     walls = [block("wall_low", 3.1, 1.075, (0.1, 1.075)), block("wall_high", 3.1, 3.175, (0.1, 0.325))]
-    door = moved("door", rows, block("door", 0.0, 0.0, (0.08, 0.4)))
-    return hall("closing_door", [door], walls, goal=(5.2, 2.5))
+    return hall("closing_door", [moved("door", rows, block("door", 0.0, 0.0, (0.08, 0.4)))], walls, goal=(5.2, 2.5))
 
 
 def pincer() -> Scene:

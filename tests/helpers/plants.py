@@ -49,8 +49,9 @@ def problem_of(loaded: Loaded, dynamics: Dynamics, **options) -> Problem:
 
 def both(loaded: Loaded, problem: Problem, period: float) -> tuple[Executor, Plant]:
     """Both plants of a problem."""
-    step = float(loaded.model.opt.timestep)
-    return Executor(loaded, problem, period=period), Plant(problem, period=period, physics_step=step)
+    return Executor(loaded, problem, period=period), Plant(
+        problem, period=period, physics_step=float(loaded.model.opt.timestep)
+    )
 
 
 def ahead(x: np.ndarray) -> np.ndarray:

@@ -23,5 +23,6 @@ def room(*extents: tuple[float, ...], radius: float = 0.1) -> FreeSpace:
 @cache
 def walled() -> FreeSpace:
     """A wall at x = 2 that is 2 cm thick and reaches from border to border, and a goal before it."""
-    wall = block("wall", 2.0, 2.0, (0.01, 2.0))
-    return FreeSpace.of(scene_of([wall], start=(0.5, 0.5), goal=(0.6, 3.2, 0.2), side=4.0, radius=0.05))
+    return FreeSpace.of(
+        scene_of([block("wall", 2.0, 2.0, (0.01, 2.0))], start=(0.5, 0.5), goal=(0.6, 3.2, 0.2), side=4.0, radius=0.05)
+    )

@@ -69,8 +69,9 @@ def test_a_signal_ends_a_command_with_its_status_and_one_line(command: str, afte
 )
 def test_an_output_that_takes_no_more_costs_one_line_at_most(tmp_path: Path, unbuffered, line, status, error):
     command = ["bash", "-c", line.format(f"{sys.executable} -m sim.cli") + "; exit ${PIPESTATUS[0]}"]
-    known = environment() | {"PYTHONUNBUFFERED": unbuffered}
-    ran = subprocess.run(command, env=known, cwd=tmp_path, capture_output=True, text=True)
+    ran = subprocess.run(
+        command, env=environment() | {"PYTHONUNBUFFERED": unbuffered}, cwd=tmp_path, capture_output=True, text=True
+    )
     assert (ran.returncode, ran.stderr) == (status, error)
 
 
@@ -100,8 +101,9 @@ def test_what_has_no_end_or_no_name_is_refused_at_once(tmp_path: Path, monkeypat
 @pytest.mark.parametrize("how", first([signal.SIGKILL, signal.SIGTERM, signal.SIGINT]))
 def test_a_signal_while_kernels_are_compiled_ends_a_command_at_once(tmp_path: Path, how: int):
     known = environment() | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "sim.cli", *COMMANDS["run"]]
-    with subprocess.Popen(command, env=known, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [sys.executable, "-m", "sim.cli", *COMMANDS["run"]], env=known, stderr=subprocess.PIPE, text=True
+    ) as process:
         assert process.stderr.readline().startswith("compiling kernels, once ")
         process.send_signal(how)
         _, error = process.communicate()

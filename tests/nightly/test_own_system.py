@@ -41,8 +41,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.thorough
 def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(folder):
     words = (*SMALL, "--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
-    rows = reported(folder, "sweep", "slit", *BOAT, *words)
-    assert [(row["outcome"], row["error"]) for row in rows] == [("timeout", None)] * 2
+    assert [(row["outcome"], row["error"]) for row in reported(folder, "sweep", "slit", *BOAT, *words)] == [
+        ("timeout", None)
+    ] * 2
     assert json.loads((folder / "runs" / "manifest.json").read_text())["settings"]["system"] == "moor:BOAT"
     told = call(folder, "-m", "sim.cli", "sweep", "slit", "--robot", "boat.xml", *words, status=2)
     assert "was made with --system moor:BOAT and this sweep is without --system" in told
@@ -60,8 +61,9 @@ def test_what_fails_in_a_boats_own_code_is_told_in_one_line(folder, line, wrong,
     text = (folder / "moor.py").read_text()
     assert line in text
     (folder / "leak.py").write_text(text.replace(line, wrong))
-    boat = [word.replace("moor:", "leak:") for word in BOAT]
-    assert words in call(folder, "-m", "sim.cli", "plan", "slit", *boat, *SMALL, status=2)
+    assert words in call(
+        folder, "-m", "sim.cli", "plan", "slit", *[word.replace("moor:", "leak:") for word in BOAT], *SMALL, status=2
+    )
 
 
 @pytest.mark.parametrize("words", ALL)

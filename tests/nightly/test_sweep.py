@@ -142,8 +142,9 @@ def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path,
 
 
 def test_an_item_that_ends_every_process_is_given_up_and_one_that_ends_a_process_once_is_done(tmp_path):
-    tasks = [Task("a", number, str(tmp_path)) for number in range(6)]
-    told = results(die_of_two, tasks, lost=lambda task, why: (task.number, why))
+    told = results(
+        die_of_two, [Task("a", number, str(tmp_path)) for number in range(6)], lost=lambda task, why: (task.number, why)
+    )
     assert sorted(told, key=str) == [(2, f"its process died {TRIES} times"), 0, 1, 3, 4, 5]
     assert (tmp_path / "dead").exists()
 

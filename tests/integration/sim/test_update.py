@@ -30,8 +30,7 @@ def driven(file, seed: int, *, informed: bool):
     problem, space = Problem(dynamics=SingleIntegrator(b=0.1), scene=known, R=2 * np.eye(2)), FreeSpace.of(known)
     tree = HomologyTree(space, StraightLine.of(problem), limit=0.8, rng=np.random.default_rng(0))
     tree.grow(300)
-    sampling = Sampling(samples=100, first=PERIOD)
-    controller = Controller(problem, space, tree, sampling, rng=np.random.default_rng(1))
+    controller = Controller(problem, space, tree, Sampling(samples=100, first=PERIOD), rng=np.random.default_rng(1))
     plant = Executor(loaded, replace(problem, scene=whole), period=PERIOD)
     frames = []
     for frame in run(plant, controller, whole.start, np.random.default_rng(seed), max_time=20.0):

@@ -119,8 +119,7 @@ def test_an_estimate_inside_the_margin_is_the_exact_value(tmp_path):
     scenario = prepare(tmp_path / "room.xml", margin=0.15, given={"noise": 0.1, "samples": 2000})
     assert len(scenario.space.scene.waivers) == 2  # at the start, and in the free part of the goal
     estimate = scenario.controller(scenario.grown_tree()).plan(scenario.start).estimate
-    truth = float(scenario.truth().value(scenario.start))
-    assert abs(estimate.value - truth) < 4.0 * estimate.value_error + 0.005
+    assert abs(estimate.value - float(scenario.truth().value(scenario.start))) < 4.0 * estimate.value_error + 0.005
 
 
 @pytest.mark.parametrize("robot", robot_names())

@@ -166,8 +166,7 @@ def test_names_of_scenes_methods_and_errors_are_shown_as_text_everywhere(name, t
     plain = re.sub(r"\\[^\w\s]", "", text)  # without what a backslash turns into text
     assert not re.search(r"<|`|\]\(|\*\w|\$", plain)
     assert not re.search(r"^# e", plain, re.M)
-    rows = [line for line in plain.splitlines() if line.startswith("|")]
-    assert {row.count("|") for row in rows} == {7, 9, 11}
+    assert {row.count("|") for row in [line for line in plain.splitlines() if line.startswith("|")]} == {7, 9, 11}
     page = Sources()
     page.feed(html)
     assert page.open == []

@@ -184,8 +184,7 @@ def test_a_tree_whose_sums_fit_a_wrong_number_is_refused_or_ends(slit: Scenario,
     rng, refused = np.random.default_rng(0), 0
     for _ in range(160):
         arrays = unpacked(saved)
-        name = sorted(arrays.keys() - {"about"})[rng.integers(len(arrays) - 1)]
-        raw = arrays[name].reshape(-1).view(np.uint8)
+        raw = arrays[sorted(arrays.keys() - {"about"})[rng.integers(len(arrays) - 1)]].reshape(-1).view(np.uint8)
         raw[rng.integers(len(raw))] ^= 1 << int(rng.integers(8))
         tree, said = answer(repacked(arrays), slit)
         refused += tree is None

@@ -122,8 +122,7 @@ FUEL = "https://fuel.gazebosim.org/1.0/OpenRobotics/models"
 @pytest.mark.parametrize("uri", ["model://desk", "package://desk", "file://desk", f"{FUEL}/Desk", f"{FUEL}/desk/2"])
 def test_models_are_found_around_the_world_and_in_the_folders_given(run, tmp_path, where, uri):
     put(tmp_path / where / "desk", DESK)
-    found = places(run(include(uri), models=[tmp_path / "elsewhere"]))
-    np.testing.assert_allclose(found["desk"][:3, 3], [4, 2, 0])
+    np.testing.assert_allclose(places(run(include(uri), models=[tmp_path / "elsewhere"]))["desk"][:3, 3], [4, 2, 0])
 
 
 def test_the_command_searches_the_folders_of_the_environment_and_of_its_option(tmp_path, monkeypatch, capsys):
@@ -229,11 +228,10 @@ def test_models_without_a_world_are_a_world(run, tmp_path):
 
 
 def test_what_differs_from_gazebo_is_reported_by_name(run):
-    carpet = collision("<geometry><box><size>2 2 0.01</size></box></geometry>")
     world = (
         model("<pose>4 2 0 0 0 0</pose>" + link(collision(BALL)), name="bin", static="")
         + '<actor name="walker"/>'
-        + model(link(carpet), name="carpet")
+        + model(link(collision("<geometry><box><size>2 2 0.01</size></box></geometry>")), name="carpet")
         + model("<pose>1 1 -7.5e8 0 0 0</pose>" + link(collision(BALL)), name="fallen")
     )
     refused(lambda: run(world), 'model "fallen"', "leave the model out by name")

@@ -95,8 +95,7 @@ def test_a_world_becomes_a_scene_with_the_benchmarks_task(run):
     np.testing.assert_allclose([*scene.lower, *scene.upper], [-10, -10, 12, 10])
     assert scene.robot_radius == pytest.approx(0.33 + 0.1)  # with the room that plans keep
     assert scene.defaults["noise"] == 0.05
-    walls = {o.name: (*o.position[:2], *o.size[:2]) for o in scene.obstacles}
-    assert walls == {
+    assert {o.name: (*o.position[:2], *o.size[:2]) for o in scene.obstacles} == {
         "west wall": (-10, 0, 0.25, 10.25), "south wall": (0, -10, 10, 0.25), "north wall": (0, 10, 10, 0.25)
     }  # fmt: skip
     [mover] = scene.movers

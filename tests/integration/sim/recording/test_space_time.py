@@ -78,8 +78,9 @@ def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
         np.testing.assert_allclose(piece[0], [*frame.plan.state, RISE * frame.time], atol=ROUNDING)
         np.testing.assert_allclose(piece[-1], [*frame.advance.states[-1], RISE * frame.end_time], atol=ROUNDING)
     heights = [cell[0][2] for cell in table["/spacetime/now"]["Transform3D:translation"]]
-    times = [frame.time for frame in frames] + [frames[-1].end_time]
-    np.testing.assert_allclose(heights, RISE * np.array(times), atol=1e-5)
+    np.testing.assert_allclose(
+        heights, RISE * np.array([frame.time for frame in frames] + [frames[-1].end_time]), atol=1e-5
+    )
 
 
 def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_path):
@@ -87,8 +88,9 @@ def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_pat
     drive = Moving(moving_scene(tmp_path, world, rows("b", "0 2 2 0  0.4 3 2 3", repeat=True)))
     logged = []
     stream = SimpleNamespace(log=lambda path, *rest: logged.append((path, rest[-1])))
-    integral = drive.controller.path_integral
-    subject = Subject(loaded=drive.loaded, tree=drive.tree, path_integral=integral, look=Look(), settings={})
+    subject = Subject(
+        loaded=drive.loaded, tree=drive.tree, path_integral=drive.controller.path_integral, look=Look(), settings={}
+    )
     shown = Pictures(stream, subject, ClassColors())
     for time in (1.3, 1.9, 3.2):
         shown.reach(time)
@@ -103,8 +105,8 @@ def test_a_moving_body_has_its_pose_at_every_step_and_at_the_end(tmp_path):
     drive, file = Moving(moving_scene(tmp_path, world, custom)), tmp_path / "drive.rrd"
     frames = logged(drive.recorder(file), drive.frames(0.4))
     times = [frame.time for frame in frames] + [frames[-1].end_time]
-    table = columns(file)["/world/scene/movers/spin"]
-    known = {name: cells[1:] for name, cells in table.items()}  # the first one places it
+    # The first cell places it.
+    known = {name: cells[1:] for name, cells in columns(file)["/world/scene/movers/spin"].items()}
     assert known["step"] == list(range(len(times)))
     poses = drive.scene.movers[0].motion.pose(np.array(times))
     places = np.array([place[0] for place in known["Transform3D:translation"]])

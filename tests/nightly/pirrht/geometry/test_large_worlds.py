@@ -31,8 +31,9 @@ def pillars(size: float, count: int) -> list[Obstacle]:
     found = []
     for k in range(count):
         (x, y), half = rng.uniform(4.0, size - 4.0, 2), np.exp(rng.uniform(-2.5, 1.0, 2))
-        round_one = k % 2 == 0
-        found.append(disc(f"p{k}", x, y, half[0]) if round_one else block(f"p{k}", x, y, half, rng.uniform(0.0, np.pi)))
+        found.append(
+            disc(f"p{k}", x, y, half[0]) if k % 2 == 0 else block(f"p{k}", x, y, half, rng.uniform(0.0, np.pi))
+        )
     return found
 
 

@@ -53,8 +53,9 @@ def test_in_the_open_a_masss_gains_are_those_of_riccatis_recursion():
     """From the Hessian of the time to the goal's rim back, under the exact step of a mass that sways."""
     integral = in_the_open(DoubleIntegrator(b=0.1))
     b, times = 0.1, STEP * np.arange(41)
-    u = np.tile([1.0, 0.3], (20, 1))
-    push = Trajectory(controls=u, durations=np.full(20, STEP), path=None, cost=2.0, length=3.0)
+    push = Trajectory(
+        controls=np.tile([1.0, 0.3], (20, 1)), durations=np.full(20, STEP), path=None, cost=2.0, length=3.0
+    )
     guide = best(integral.guidance, np.zeros(4), times, 0, push)
 
     def rim(x: np.ndarray) -> float:

@@ -42,8 +42,9 @@ def met(scenario: Scenario) -> tuple[Outcome, float, float]:
     """How a run ends, and the least clearance of its body before its last step, and at that."""
     exact = collision_of(scenario.loaded.scene.world, scenario.loaded.scene.body)
     frames = list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
-    states = np.vstack([frame.advance.states for frame in frames])
-    clear = exact.clearance(states[:, scenario.problem.dynamics.reads(True)])
+    clear = exact.clearance(
+        np.vstack([frame.advance.states for frame in frames])[:, scenario.problem.dynamics.reads(True)]
+    )
     return frames[-1].outcome, float(clear[:-1].min()), float(clear[-1])
 
 

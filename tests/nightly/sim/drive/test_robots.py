@@ -132,8 +132,7 @@ def test_a_hovers_velocity_and_place_spread_as_integrated_white_noise_does(tmp_p
     t = steps * STEP
     p = np.diff(states[:, :2], axis=0) - states[:-1, 2:] * t  # what the velocity of the start does not explain
     moves = np.hstack([p, np.diff(states[:, 2:], axis=0)])
-    law = b * b * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
-    expected = np.kron(law, np.eye(2))  # x, y, vx, vy
+    expected = np.kron(b * b * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]]), np.eye(2))  # x, y, vx, vy
     error = np.sqrt((np.outer(np.diag(expected), np.diag(expected)) + expected**2) / count)
     assert np.all(np.abs(moves.T @ moves / count - expected) < 3.0 * error + 2.0 / steps * expected)
     assert np.all(np.abs(moves.mean(axis=0)) < 3.0 * np.sqrt(np.diag(expected) / count))
@@ -206,5 +205,4 @@ def test_a_car_whose_speed_does_not_follow_is_refused_in_one_line(tmp_path, old,
 def test_speed_is_no_state_of_a_robot_with_commanded_velocities():
     with pytest.raises(OptionError, match="is no motor, and car is commanded forces"):
         prepare("slit", robot="unicycle", system="second_order_car")
-    given = {"plant": "sde"}
-    assert len(prepare("slit", robot="unicycle", system="second_order_car", given=given).plant().state) == 4
+    assert len(prepare("slit", robot="unicycle", system="second_order_car", given={"plant": "sde"}).plant().state) == 4

@@ -48,8 +48,9 @@ def test_value_and_distance_from_the_optimum_are_numbers_at_every_step(recorded)
     estimates = [frame.plan.estimate for frame in frames]
     off = np.linalg.norm([frame.plan.control for frame in frames] - best, axis=1)
     error = [np.linalg.norm(e.control_error) for e in estimates]
-    control = table["/why/optimum/control"]["Scalars:scalars"]
-    np.testing.assert_allclose(control, np.column_stack([error, off]), rtol=1e-4)
+    np.testing.assert_allclose(
+        table["/why/optimum/control"]["Scalars:scalars"], np.column_stack([error, off]), rtol=1e-4
+    )
     np.testing.assert_allclose(np.array(table["/why/value"]["Scalars:scalars"])[:, -1], exact, rtol=1e-4)
     value, spread = np.array([(e.value, e.value_error) for e in estimates]).T
     near = np.column_stack([value - spread, value + spread, value, exact]) - exact[:, None]

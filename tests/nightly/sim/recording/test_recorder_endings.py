@@ -25,8 +25,9 @@ with drive.recorder(Path(sys.argv[1])) as recorder:
 
 def lost_when_killed(file, pause: float, steps: int) -> float:
     """Kill a drive that pauses between its steps [s]; how long before it the last step was taken that is kept [s]."""
-    command = [sys.executable, "-c", KILLED, str(file), str(pause)]
-    process = subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(file), str(pause)], env=environment(), stdout=subprocess.PIPE, text=True
+    )
     taken = []
     for line in process.stdout:
         taken.append(time.monotonic())

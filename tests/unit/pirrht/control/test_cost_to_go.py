@@ -26,8 +26,9 @@ def test_a_path_around_a_disc_has_its_length_and_begins_along_the_tangent() -> N
         tangents = np.sqrt(near**2 - R**2) + np.sqrt(far**2 - R**2)
         length = tangents + R * (between - np.arccos(R / near) - np.arccos(R / far)) - space.scene.goal.radius
         assert np.hypot(*vector) == pytest.approx(length, rel=0.01)
-        tangent = np.arctan2(to_disc[1], to_disc[0]) - np.arcsin(R / near)
-        assert np.arctan2(vector[1], vector[0]) == pytest.approx(tangent, abs=0.08)
+        assert np.arctan2(vector[1], vector[0]) == pytest.approx(
+            np.arctan2(to_disc[1], to_disc[0]) - np.arcsin(R / near), abs=0.08
+        )
 
 
 def test_without_obstacles_a_path_is_the_straight_line_and_none_in_the_goal() -> None:
@@ -58,8 +59,9 @@ def test_the_cost_to_go_of_a_point_is_that_of_its_straight_reference() -> None:
     goal, line = problem.scene.goal, StraightLine.of(problem)
     tail = goal.center - np.array([[1.0, 0.4]])
     beyond = cost_to_go(problem, straight_lines(goal))
-    reference = line.trajectory(line.connect(tail, goal.center[None]))
-    assert beyond(tail)[0] == pytest.approx(running_cost(problem, tail[0], reference) - 2.0 * goal.radius)
+    assert beyond(tail)[0] == pytest.approx(
+        running_cost(problem, tail[0], line.trajectory(line.connect(tail, goal.center[None]))) - 2.0 * goal.radius
+    )
     assert beyond(goal.center[None])[0] == 0.0
 
 
@@ -70,8 +72,7 @@ def test_mppi_leaves_a_pocket_along_the_shortest_path() -> None:
     speed, straight = {}, cost_to_go(problem, straight_lines(space.scene.goal))
     for name, terminal_cost in (("path", None), ("straight", straight)):
         sampling = Sampling(samples=400, guide="open-loop", draws="independent")
-        rng = np.random.default_rng(0)
-        mppi = Mppi(problem, space, sampling, horizon=0.5, rng=rng, terminal_cost=terminal_cost)
+        mppi = Mppi(problem, space, sampling, horizon=0.5, rng=np.random.default_rng(0), terminal_cost=terminal_cost)
         mppi.begin(np.array([1.5, 1.5]))
         speed[name] = float(np.mean([mppi.plan(np.array([1.5, 1.5])).control[0] for _ in range(5)]))
     assert speed["path"] < 0.0 < speed["straight"]

@@ -82,8 +82,9 @@ def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, law_
     x, beside = np.array([0.2, 0.1]), np.array([0.21, 0.1])
     law = pooled(problem, None, estimate(x, law_weight=law_weight, one=(0.0, [1.0, 0.5])), {"one": guide}, nothing, 0.0)
     np.testing.assert_allclose(law(x, 0.0), [1.0, 0.5], rtol=1e-12)
-    change = law(beside, 0.0) - law(x, 0.0)
-    np.testing.assert_allclose(change, law_weight * (guide(beside, 0.0) - guide(x, 0.0)), atol=1e-12)
+    np.testing.assert_allclose(
+        law(beside, 0.0) - law(x, 0.0), law_weight * (guide(beside, 0.0) - guide(x, 0.0)), atol=1e-12
+    )
 
 
 def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less_the_nearer_they_are():

@@ -36,8 +36,9 @@ def around_all(slit, tree: HomologyTree, samples: int = 150, **settings) -> tupl
     tapes = np.array([r.trajectory.tape(times) for r in references])
     corners = [np.vstack([r.trajectory.path.start[1:, :2], slit.space.scene.goal.center]) for r in references]
     names = {slit.space.homology.key(r.winding): r.id for r in references}
-    counts = [samples, samples // 2, samples]
-    batch = batch_of(integral, slit.start, times, tapes, corners=corners, counts=counts, classes=names)
+    batch = batch_of(
+        integral, slit.start, times, tapes, corners=corners, counts=[samples, samples // 2, samples], classes=names
+    )
     return integral.sample(batch, 5), [r.id for r in references]
 
 
@@ -126,8 +127,9 @@ def test_part_of_a_step_shifts_a_tape_by_its_share():
 
 
 def test_there_are_at_least_as_many_samples_as_around_the_references(slit, slit_tree: HomologyTree):
-    scenario = slit.with_settings(method="mppi")
-    assert scenario.controller(None).path_integral.sampling.samples >= 200 * len(slit_tree.references(slit.start))
+    assert slit.with_settings(method="mppi").controller(None).path_integral.sampling.samples >= 200 * len(
+        slit_tree.references(slit.start)
+    )
     assert slit.with_settings(method="mppi", classes=2).controller(None).path_integral.sampling.samples == 400
 
 
@@ -146,8 +148,9 @@ def test_where_there_is_one_class_the_best_of_them_is_what_all_of_them_say():
     tree = HomologyTree(space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
     plans = {}
     for method in ("pi-rrht", "best-class"):
-        sampling = Sampling(samples=100, first=0.01)
-        controller = Controller(problem, space, tree, sampling, method=method, rng=np.random.default_rng(3))
+        controller = Controller(
+            problem, space, tree, Sampling(samples=100, first=0.01), method=method, rng=np.random.default_rng(3)
+        )
         plans[method] = [controller.plan(problem.scene.start[:2])]
         controller.observe(np.array([[1.19, 0.01]]), 0.01)
         plans[method].append(controller.plan(np.array([1.19, 0.01])))
@@ -170,8 +173,7 @@ def test_with_the_exact_cost_to_go_value_and_control_are_exact():
     x, sampling = np.array([1.0, 0.0]), Sampling(dt=0.02, samples=1500, guide="open-loop", draws="independent")
     psi, controls, sizes = [], [], []
     for seed in range(SEEDS):
-        rng = np.random.default_rng(seed)
-        mppi = Mppi(problem, space, sampling, horizon=0.4, terminal_cost=exact_beyond, rng=rng)
+        mppi = Mppi(problem, space, sampling, horizon=0.4, terminal_cost=exact_beyond, rng=np.random.default_rng(seed))
         plans = [mppi.plan(x) for _ in range(2)]  # the second around the tape that the first found
         psi.append([np.exp(plan.estimate.log_psi) for plan in plans])
         sizes.append([plan.estimate.ess for plan in plans])
@@ -205,8 +207,9 @@ def test_where_two_valleys_are_worth_the_same_v_is_lambda_ln_2_below_that_of_one
     assert len(batch.proposals) == 2
     values = []
     for seed, proposals in enumerate([batch.proposals, batch.proposals[:1], batch.proposals[1:]]):
-        whole = [replace(one, count=1000) for one in proposals]
-        estimate = controller.path_integral.sample(replace(batch, proposals=tuple(whole)), seed)
+        estimate = controller.path_integral.sample(
+            replace(batch, proposals=tuple([replace(one, count=1000) for one in proposals])), seed
+        )
         values.append((estimate.value, estimate.value_error))
     (v, error), *single = values
     gain = controller.problem.temperature * np.log(2.0)

@@ -42,8 +42,9 @@ def test_wider_noise_joins_each_class_and_leaves_the_value_as_it_is():
     (default, _), (mixed, controller) = found
     assert abs(mixed.value - default.value) < 4.0 * np.hypot(mixed.value_error, default.value_error)
     assert len(mixed.proposal_weights) > len(default.proposal_weights)
-    shares = controller.run.shares.allocation.shares
-    assert all(one.sum() == pytest.approx(1.0) and one.min() > 0.0 for one in shares.values())
+    assert all(
+        one.sum() == pytest.approx(1.0) and one.min() > 0.0 for one in controller.run.shares.allocation.shares.values()
+    )
 
 
 WALLS = [[2.2, 0.6, 2.6, 2.2], [2.2, 2.8, 2.6, 4.4]]

@@ -46,8 +46,9 @@ def test_the_laws_of_a_weak_plan_do_not_depend_on_the_samples_that_it_is_weighed
         for name in ("states", "modes", "gains", "share"):
             np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
     earlier, *_ = first_plan(monkeypatch, last=numbers[-2])  # on samples of the round before they do
-    pairs = zip(guides_of(batch), guides_of(earlier), strict=True)
-    assert any(not np.array_equal(one.modes, two.modes) for one, two in pairs)
+    assert any(
+        not np.array_equal(one.modes, two.modes) for one, two in zip(guides_of(batch), guides_of(earlier), strict=True)
+    )
 
 
 def test_the_cheapest_class_gets_a_guide_even_if_it_was_postponed():

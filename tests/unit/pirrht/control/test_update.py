@@ -24,8 +24,9 @@ def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300) -> Con
     if robot == "puck":
         return point(scene, 0.1, vertices, samples=100, first=PERIOD[robot])
     problem, space = Problem(dynamics=Unicycle(b=0.03), scene=scene, R=np.eye(1), phi=1000.0), FreeSpace.of(scene)
-    tree = grown(space, Dubins.of(problem), vertices)
-    return Controller(problem, space, tree, Sampling(samples=100), rng=np.random.default_rng(1))
+    return Controller(
+        problem, space, grown(space, Dubins.of(problem), vertices), Sampling(samples=100), rng=np.random.default_rng(1)
+    )
 
 
 def start(c: Controller) -> np.ndarray:
@@ -116,14 +117,12 @@ def test_a_crate_that_comes_and_goes_leaves_names_and_plans_as_they_were():
         assert c.space.homology.M == 3
         c.update(room(*WALLS))
     assert c.space.homology.M == 2
-    after = {one.id: one.length for one in c.plan(x).references}
-    assert after == pytest.approx(before, rel=1e-3)
+    assert {one.id: one.length for one in c.plan(x).references} == pytest.approx(before, rel=1e-3)
 
 
 def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     c = controller(room(*WALLS), "car", vertices=600)
-    x = start(c)
-    c.plan(x)
+    c.plan(start(c))
     guides = dict(c.run.starts.optima)
     assert set(guides) >= {(0, 0)}
     c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))  # off every path

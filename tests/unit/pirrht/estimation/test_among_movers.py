@@ -34,8 +34,7 @@ def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: objec
 def held(integral: PathIntegral, x: np.ndarray, control: np.ndarray, count: int, time: float = 0.0, T: int = 60):
     """Samples around one control that is held."""
     times = integral.steps(T * integral.sampling.dt)
-    tape = Tape(times, np.tile(control, (len(times) - 1, 1)))
-    return led(integral, x, times, tape, count=count, seed=3, time=time)
+    return led(integral, x, times, Tape(times, np.tile(control, (len(times) - 1, 1))), count=count, seed=3, time=time)
 
 
 @pytest.mark.parametrize("speed", [0.4, -0.4, 1.0])
@@ -85,8 +84,9 @@ def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all(
     batch = Batch(state=np.array([5.0, 2.5]), times=times, proposals=proposals)
     assert [part.size for part in integral.sample(batch, 0, left=lambda: 0.0).parts] == [44]
     assert [part.size for part in integral.sample(batch, 0).parts] == [440]
-    falling = iter(np.linspace(9.0, 0.0, 9)).__next__
-    assert sum(part.size for part in integral.sample(batch, 0, left=falling).parts) > 440
+    assert (
+        sum(part.size for part in integral.sample(batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440
+    )
 
 
 def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves():

@@ -37,8 +37,9 @@ def test_exposure_is_the_chance_of_a_bridge_to_come_near_a_wall_that_it_misses()
     def missed(shift: float) -> float:
         return 1.0 - math.exp(-2.0 * (c - shift) * (d - shift) / (b * b * span))
 
-    found = exposure(*(np.float32(v) for v in (c, d, b, span)))
-    assert found * near / b == pytest.approx(1.0 - missed(near) / missed(0.0), rel=2e-3)
+    assert exposure(*(np.float32(v) for v in (c, d, b, span))) * near / b == pytest.approx(
+        1.0 - missed(near) / missed(0.0), rel=2e-3
+    )
 
 
 @pytest.mark.parametrize(("noise", "margin"), [(0.1, 0.0), (0.2, 0.0), (0.2, 0.004)])

@@ -126,8 +126,9 @@ def test_weights_of_a_known_shape_are_told_it(shape, log_scale):
 
 def test_who_died_counts_for_the_number_of_samples_alone():
     z = np.random.default_rng(2).normal(size=5000)
-    dead = np.concatenate([z, np.full(5000, -np.inf)])
-    assert tail_shape(dead) == pytest.approx(tail_shape(np.concatenate([z, np.full(5000, -50.0)])), abs=1e-9)
+    assert tail_shape(np.concatenate([z, np.full(5000, -np.inf)])) == pytest.approx(
+        tail_shape(np.concatenate([z, np.full(5000, -50.0)])), abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("weights", [np.zeros(0), np.zeros(10), np.full(100, -np.inf), np.zeros(1000)])

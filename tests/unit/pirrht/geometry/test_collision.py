@@ -47,8 +47,9 @@ def random_solid(kind: Kind, tilted: bool, rng: np.random.Generator) -> tuple[Or
     if kind is Kind.MESH:
         spec.add_mesh(name="hull", uservert=(rng.uniform(-1, 1, (12, 3)) * size).ravel().tolist())
         solid.meshname = "hull"
-    robot = spec.worldbody.add_body(mocap=True, pos=[0, 0, HEIGHT])
-    robot.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0])
+    spec.worldbody.add_body(mocap=True, pos=[0, 0, HEIGHT]).add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0]
+    )
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -97,8 +98,7 @@ def test_straight_paths_are_free_when_all_their_points_are(kind, tilted):
         oracle, obstacle = random_solid(kind, tilted, rng)
         collision = among(obstacle)
         tails, heads = rng.uniform(-HALF, HALF, (2, 20, 2))
-        swept = collision.segments_free(tails, heads)
-        for tail, head, free in zip(tails, heads, swept, strict=True):
+        for tail, head, free in zip(tails, heads, collision.segments_free(tails, heads), strict=True):
             length = float(np.hypot(*(head - tail)))
             least = oracle.gaps(tail + fraction * (head - tail)).min()
             between = 0.5 * length / (len(fraction) - 1)  # how much lower it can be between two samples

@@ -114,8 +114,9 @@ def expected(collision: Collision, points: Array, reach: float) -> tuple[Array, 
     first, a = distances[which, columns], away[which, columns]
     along, lengths = np.sum(away * a, axis=-1), np.linalg.norm(away, axis=-1) * np.linalg.norm(a, axis=-1)
     square = np.sum(a * a, axis=-1)
-    between = np.linalg.norm(a - away, axis=-1)
-    margin = np.maximum(along - APART_COSINE * lengths, along - square + RISE_SINE * np.sqrt(square) * between)
+    margin = np.maximum(
+        along - APART_COSINE * lengths, along - square + RISE_SINE * np.sqrt(square) * np.linalg.norm(a - away, axis=-1)
+    )
     counts = (margin < 0) | (along <= 0) | (distances == 0)
     counts[which, columns] = False
     second = np.where(counts, distances, np.inf).min(axis=0)

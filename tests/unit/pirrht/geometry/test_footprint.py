@@ -227,9 +227,8 @@ def test_a_noisy_step_survives_next_to_a_wall_as_often_as_its_fine_steps_do():
     between = 0.5826 * np.std(height - 1.0) / np.sqrt(fine)  # by which paths come nearer between fine steps
     simulated, survived, before = float((least > between).mean()), 0.0, POLYGON.distances(arena, tuple(pose))
     for end in now:
-        after = POLYGON.distances(arena, tuple(end))
         *_, exit, _, lasting = POLYGON.bridge(
-            arena, tuple(pose), tuple(end), before, after, cov, True, np.uint64(1), False
+            arena, tuple(pose), tuple(end), before, POLYGON.distances(arena, tuple(end)), cov, True, np.uint64(1), False
         )
         survived += float(np.exp(lasting)) / many if exit == INSIDE else 0.0
     assert 0.2 < simulated < 0.95

@@ -233,8 +233,7 @@ def test_a_motion_that_starts_over_has_the_period_of_its_last_row():
 
 def test_the_solids_of_a_body_turn_and_move_with_it():
     solid = Obstacle(name="o", kind=Kind.BOX, size=np.ones(3), position=np.array([1.0, 0.0, 0.2]), rotation=np.eye(3))
-    quarter = Motion(rows=np.array([[0.0, 2.0, 3.0, 0.5 * np.pi]]))
-    (there,) = Mover(name="m", solids=(solid,), motion=quarter).at(5.0)
+    (there,) = Mover(name="m", solids=(solid,), motion=Motion(rows=np.array([[0.0, 2.0, 3.0, 0.5 * np.pi]]))).at(5.0)
     np.testing.assert_allclose(there.position, [2.0, 4.0, 0.2], atol=1e-12)
     np.testing.assert_allclose(there.rotation @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
 

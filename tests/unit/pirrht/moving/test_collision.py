@@ -53,8 +53,7 @@ def test_what_is_surely_free_is_free_and_what_is_met_is_met(seed, turning):
     for _ in range(60):
         a, begin, span = rng.uniform(-1.5, 1.5, 2), rng.uniform(0, 4), rng.uniform(0.001, 0.05)
         b = a + rng.uniform(-0.3, 0.3, 2)
-        shares = np.linspace(0.0, 1.0, 81)
-        least = min(crowd.clearance(a + s * (b - a), begin + s * span) for s in shares)
+        least = min(crowd.clearance(a + s * (b - a), begin + s * span) for s in np.linspace(0.0, 1.0, 81))
         met = crowd.meets(a, begin, b, begin + span)
         hits += met
         if least < -1e-3:

@@ -53,8 +53,9 @@ def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
             if d > 0.0:
                 beyond = moving_clearance(traffic, *(place + dt * np.array([nx, ny])), time)
                 assert (beyond - d) / dt == pytest.approx(1.0, abs=0.06)
-                later = moving_clearance(traffic, *place, time + dt)
-                assert (later - d) / dt == pytest.approx(-(vx * nx + vy * ny), abs=0.06)
+                assert (moving_clearance(traffic, *place, time + dt) - d) / dt == pytest.approx(
+                    -(vx * nx + vy * ny), abs=0.06
+                )
                 seen += 1
     assert seen > 30
 
@@ -134,8 +135,7 @@ def test_a_straight_way_is_met_where_fcl_says():
         right = crowd.meets(a, t, b, t + dt)
         met += right
         if found != right:  # by a hair, or where a body is gone that has been there
-            times = np.linspace(0.0, 1.0, 400)
-            assert abs(min(crowd.clearance(a + s * (b - a), t + s * dt) for s in times)) < 2e-3
+            assert abs(min(crowd.clearance(a + s * (b - a), t + s * dt) for s in np.linspace(0.0, 1.0, 400))) < 2e-3
             continue
         if right:
             entered = crowd.clearance(a + share * (b - a), t + share * dt)

@@ -138,8 +138,7 @@ def test_at_least_every_second_draw_is_uniform_and_none_is_offered_twice_in_a_pe
     offers = PassageSampler(states)
     for first in (0, 64, 5):
         many = offers.together(first)
-        drawn = [offers.at(first + k) for k in range(many)]
-        offered = [tuple(x) for x in drawn if x is not None]
+        offered = [tuple(x) for x in [offers.at(first + k) for k in range(many)] if x is not None]
         assert len(offered) <= (many + 1) // 2
         assert len(offered) == len(set(offered))
     assert {tuple(x) for k in range(offers.together(0)) if (x := offers.at(k)) is not None} == set(map(tuple, states))

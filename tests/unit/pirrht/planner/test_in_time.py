@@ -83,8 +83,9 @@ def test_far_bodies_do_not_multiply_the_classes_that_count():
     far = []
     for k in range(12):
         spots = np.array(corners[k % 4]) + rng.normal(0.0, 0.1, (5, 2))
-        rows = np.column_stack([np.arange(5) * 0.8, spots, np.zeros(5)])
-        far.append(moved(f"far{k}", rows, disc("disc", 0.0, 0.0, 0.1)))
+        far.append(
+            moved(f"far{k}", np.column_stack([np.arange(5) * 0.8, spots, np.zeros(5)]), disc("disc", 0.0, 0.0, 0.1))
+        )
     alone = in_time(FreeSpace.of(crossing), 0, 300).references(START)
     found = in_time(FreeSpace.of(replace(crossing, movers=(*crossing.movers, *far))), 0, 300).references(START)
     assert [one.winding for one in found[:2]] == [(w, *[0] * 12) for (w,) in (alone[0].winding, alone[1].winding)]
@@ -96,8 +97,9 @@ def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
     tree = in_time(space, 2, 120)
     save(tree, kept)
     kept.seek(0)
-    again = load(kept, space, InTime())
-    assert [one.cost for one in again.references(START)] == [one.cost for one in tree.references(START)]
+    assert [one.cost for one in load(kept, space, InTime()).references(START)] == [
+        one.cost for one in tree.references(START)
+    ]
     kept.seek(0)
     later = space.with_movers([replace(mover, motion=mover.motion.after(0.1)) for mover in space.scene.movers])
     with pytest.raises(OptionError, match="moving obstacles"):
@@ -111,8 +113,9 @@ def test_references_do_not_depend_on_the_number_of_threads(name):
     found = []
     for threads in (1, 3):
         first = tree.references(START, threads=threads)
-        before = {one.winding: one.path for one in first}
-        later = tree.references(START + np.array([0.1, 0.01, 0.1]), before=before, threads=threads)
+        later = tree.references(
+            START + np.array([0.1, 0.01, 0.1]), before={one.winding: one.path for one in first}, threads=threads
+        )
         found.append([(one.winding, one.path.knots.tolist()) for one in [*first, *later]])
     assert found[0] == found[1]
 

@@ -52,8 +52,7 @@ def test_in_a_straight_channel_transfers_settle_to_its_slowest_mode(b, width, of
     integral, lead = way(in_channel(b, width))
     rate, mode = np.hypot(1.0 / b**2, np.pi / width), np.pi / width
     x, share = np.random.default_rng(0).uniform([1.0, 0.15], [3.0, 0.85], (200, 2)).T
-    places = np.column_stack((x, 1.0 + width * (share - 0.5)))
-    found = np.array([slope(integral, lead, place) for place in places])
+    found = np.array([slope(integral, lead, place) for place in np.column_stack((x, 1.0 + width * (share - 0.5)))])
     along, across = np.abs(found - np.column_stack((np.full(200, rate), mode / np.tan(np.pi * share)))).T
     assert np.median(along) < off * rate
     assert np.quantile(along, 0.9) < 4.0 * off * rate
@@ -103,8 +102,7 @@ def mean_slope(c: float, s: float, t: float, away: float = 0.0) -> float:
     spread = B * math.sqrt(t)
 
     def density(z: float) -> float:
-        straight = norm.pdf(z, c + away * t, spread)
-        return straight - math.exp(-2.0 * c * drift) * norm.pdf(z, -c + away * t, spread)
+        return norm.pdf(z, c + away * t, spread) - math.exp(-2.0 * c * drift) * norm.pdf(z, -c + away * t, spread)
 
     end = c + abs(away) * t + (s + abs(away)) * t + 12.0 * spread
     return quad(lambda z: slope(z) * density(z), 0.0, end, limit=400)[0] * math.exp(-rate * t) / h(c)

@@ -46,8 +46,7 @@ def both(scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: s
     kernels = source.homology.table.kernels
     traits = Traits.of(problem)
     kind = KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, traits, DISC, (0, 1), classes=kernels)
-    path = any_path(kind)
-    source.backend = Cpu(loops(*path, 2), 1)
+    source.backend = Cpu(loops(*any_path(kind), 2), 1)
     return block, drawn(source, tree, counts).paths
 
 

@@ -64,8 +64,7 @@ def test_no_two_classes_are_called_the_same(static, moving):
         straight = np.array(found[0].signature[:static]) - found[0].winding[:static] - 1.0
         names = ["post", "table", "post", "lamp", "shelf"][:static]
         for among in (None, {*list(windings)[:2]}, set()):
-            words = worded(windings, straight, names, homology.names, among, passed)
-            assert len({*words.values()}) == len(windings)
+            assert len({*worded(windings, straight, names, homology.names, among, passed).values()}) == len(windings)
         if moving:
             assert len({tuple(lines) for lines in passing(found, homology, names)}) == len(windings)
         classes += len(windings)
@@ -204,8 +203,7 @@ def among(scene: str, vertices: int, *ids: str):
     """A scene of moving obstacles, its references of these ids, and how each passes them."""
     scenario = prepare(scene, given={"vertices": vertices})
     references = {one.id: one for one in scenario.references(scenario.grown_tree()) if one.id in ids}
-    found = sides([*references.values()], scenario.homology)
-    return scenario, references, dict(zip(references, found, strict=True))
+    return scenario, references, dict(zip(references, sides([*references.values()], scenario.homology), strict=True))
 
 
 def test_ways_among_moving_obstacles_are_named_by_whether_they_pass_before_or_behind():

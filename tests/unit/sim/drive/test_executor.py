@@ -127,8 +127,7 @@ def test_the_clearance_of_a_run_is_around_the_robot_whatever_margin_plans_keep(t
     file = scene_file(tmp_path, world=WALL, size=2.0, goal="1.8 0 0")
     for kind, margin in product(("mujoco", "sde"), (0.0, 0.2, 0.45)):
         scenario = prepare(file, margin=margin, plant=kind, noise=1e-6, period=0.1)
-        metrics = EpisodeMetrics(scenario, scenario.start, period=0.1, max_time=1.0)
-        assert metrics.min_clearance == pytest.approx(0.5)
+        assert EpisodeMetrics(scenario, scenario.start, period=0.1, max_time=1.0).min_clearance == pytest.approx(0.5)
         advance = scenario.plant().advance(hold(4.5, 0.0), np.random.default_rng(0))
         assert advance.outcome is None
         assert advance.clearance == pytest.approx(0.05, abs=1e-4)

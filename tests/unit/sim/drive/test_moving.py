@@ -154,8 +154,7 @@ def test_periods_of_any_length_make_the_same_run(tmp_path):
 def test_a_body_passes_through_static_obstacles_and_others_as_if_nothing_were_there(tmp_path):
     world = '<geom name="wall" type="box" size=".1 1 .2" pos="2 0 .1"/>'
     world += body("a", DISC, "2 1.2 0.1") + body("b", 'type="box" size=".3 .3 .2"', "2 -1 0.1")
-    custom = rows("a", "0 2 1.2 0  0.5 2 -1 0") + rows("b", "0 2 -1 0  0.5 2 1 0")
-    for plant in pair(tmp_path, world, custom, 0.6)[1]:
+    for plant in pair(tmp_path, world, rows("a", "0 2 1.2 0  0.5 2 -1 0") + rows("b", "0 2 -1 0  0.5 2 1 0"), 0.6)[1]:
         assert driven(plant, still(plant), 0, 1)[0].outcome is None
 
 

@@ -35,8 +35,7 @@ def test_what_has_no_end_is_refused_by_name_whatever_it_is_for(write, tmp_path, 
     ENDLESS[reason](tmp_path / "part.xml")
     write('<mujoco><include file="part.xml"/></mujoco>', "inner.xml")
     head, world = (text.format("part.xml") for text in NAMING[role])
-    message = refusal(write(mjcf(SITES + world, head=head)))
-    assert re.search(f'names the file "(a/)?part.xml", which {reason}', message)
+    assert re.search(f'names the file "(a/)?part.xml", which {reason}', refusal(write(mjcf(SITES + world, head=head))))
 
 
 def test_files_that_are_too_large_or_include_themselves_are_refused(write, tmp_path):

@@ -66,8 +66,7 @@ def test_nested_and_rotated_shapes_stand_where_mujoco_has_them(write):
       <body pos="7 2 0.2" euler="0 90 10"><geom type="capsule" size="0.2 0.6"/></body>
       <body pos="2 7 0"><geom type="ellipsoid" size="0.5 0.3 0.4" euler="30 20 10"/>
         <geom size="0.3" pos="2 0 0.1"/></body>"""
-    wedge = f'<asset><mesh name="wedge" vertex="{WEDGE}"/></asset>'
-    loaded = load(write(mjcf(SITES + FLOOR + shapes, head=wedge)))
+    loaded = load(write(mjcf(SITES + FLOOR + shapes, head=f'<asset><mesh name="wedge" vertex="{WEDGE}"/></asset>')))
     points = np.random.default_rng(0).uniform(0, 10, (200, 2))
     assert {o.kind for o in loaded.scene.obstacles} == set(Kind)
     flat = rebuilt(loaded.scene)

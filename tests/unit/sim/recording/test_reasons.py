@@ -66,8 +66,7 @@ def test_a_robot_touches_the_nearest_solid_or_the_border():
 
 
 def test_names_that_are_missing_or_of_several_obstacles_give_way_to_the_number_on_the_map():
-    number = {0: 1, 1: 2, 2: 3, 3: 4}
-    assert called(["table", "", "post", "post", ""], number) == [
+    assert called(["table", "", "post", "post", ""], {0: 1, 1: 2, 2: 3, 3: 4}) == [
         "table", "obstacle 2", "obstacle 3", "obstacle 4", "a wall",
     ]  # fmt: skip
     assert called(["front_desk", "front_desk", "post"], {0: 1, 1: 1, 2: 2}) == ["front_desk", "front_desk", "post"]

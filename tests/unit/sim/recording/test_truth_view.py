@@ -59,8 +59,7 @@ def test_classes_that_differ_by_moving_bodies_alone_are_added_up_where_a_plan_do
     drive.controller.begin(start)
     plan = drive.controller.plan(start)
     grid = SimpleNamespace(shares=lambda x, samples, t: {"0,0,0": 0.5, "0,0,1": 0.3, "0,1,0": 0.2})
-    found = reasons.shares_of(grid, plan, 0.0)
-    assert found == {"0,0": pytest.approx(0.8), "0,1": pytest.approx(0.2), "-1,0": 0.0}
+    assert reasons.shares_of(grid, plan, 0.0) == {"0,0": pytest.approx(0.8), "0,1": pytest.approx(0.2), "-1,0": 0.0}
     bare = replace(plan, references=(replace(plan.references[0], winding=()),), ids=("-",))
     assert reasons.shares_of(grid, bare, 0.0) == {"-": pytest.approx(1.0)}
 
