@@ -54,7 +54,7 @@ class NoReference(PirrhtError):
         self.narrow = narrow
         self.blocked = None if blocked is None else tuple(map(float, blocked))
         where = ", ".join(f"{s:.3g}" for s in self.state)
-        signature = "" if self.blocked is None else ", ".join(f"{h:.3g}" for h in self.blocked)
+        signature = ", ".join(f"{h:.3g}" for h in self.blocked or ())
         nearest = f"; the nearest blocked signature is ({signature})" if signature else ""
         text = (
             f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"

@@ -64,8 +64,9 @@ class ConstantVelocity:
             if self._shapes is None:
                 self._shapes = self.space.with_movers(movers)  # FCL's of its own: a run queries the scene's
             space = replace(self._shapes, scene=replace(self.space.scene, start=start)).with_prediction(movers)
-            homology = self.steering.homology(space)
-            self._last = Prediction(space=space, homology=homology, tree=self._tree(space, enough), since=seen)
+            self._last = Prediction(
+                space=space, homology=self.steering.homology(space), tree=self._tree(space, enough), since=seen
+            )
         return self._last
 
     def _holds(self, last: Prediction, seen: float) -> bool:

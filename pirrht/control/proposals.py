@@ -67,10 +67,11 @@ class ProposalBuilder:
             still = Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m)))
             passive = Proposal(lead=still, count=integral.sampling.samples)
             return Draft(batch=Batch(state=x, times=times, proposals=(passive,), time=run.now, others=others))
-        leads = self._leads(x, times, references, run, budget)
         proposals = tuple(
             Proposal(lead=lead, count=count, name=homology.name(one), key=homology.key(reference.winding))
-            for (lead, count), one, reference in zip(leads, classes, references, strict=True)
+            for (lead, count), one, reference in zip(
+                self._leads(x, times, references, run, budget), classes, references, strict=True
+            )
         )
 
         @cache

@@ -101,8 +101,9 @@ def collision_probability(
     def probabilities(chosen: BoolArray) -> tuple[float, float]:
         """Return the accepted probability and the one that holding a control adds, among the chosen samples."""
         total = max(float(weight[chosen].sum()), 1e-300)
-        added = float(weight[chosen] @ held[chosen]) / total
-        return float(weight[chosen & ended].sum()) / total, 1.0 - math.exp(-added)
+        return float(weight[chosen & ended].sum()) / total, 1.0 - math.exp(
+            -(float(weight[chosen] @ held[chosen]) / total)
+        )
 
     accepted, added = probabilities(np.ones(len(weight), dtype=np.bool_))
     spared = math.log1p(-added) if added < 1.0 else 0.0  # counts for nothing where a collision is certain

@@ -138,8 +138,10 @@ class Sampling:
             if not valid:
                 value = getattr(self, name)
                 raise OptionError(f"{name} is {value if isinstance(value, int) else format(value, 'g')}; {rule}")
-        choices = {"exit": EXITS, "steps": STEPS, "weights": WEIGHTS, "guide": GUIDES}
-        for name, known in (choices | {"allocation": ALLOCATIONS, "draws": DRAWS}).items():
+        for name, known in (
+            ("exit", EXITS), ("steps", STEPS), ("weights", WEIGHTS), ("guide", GUIDES), ("allocation", ALLOCATIONS),
+            ("draws", DRAWS),
+        ):  # fmt: skip
             if getattr(self, name) not in known:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
 

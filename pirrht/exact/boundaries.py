@@ -23,7 +23,7 @@ from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.walls import stands_apart
 from pirrht.jit.jit import inlined, kernel
-from pirrht.moving.distances import clearance_of_solid, offset_of_solid, piece_of
+from pirrht.moving.distances import clearance_of_solid, offset_of_solid, piece_of, turned_back
 from pirrht.moving.obstacles import MovingObstacleArrays
 
 SOLID = 5  # row of the first solid; the goal's is 0
@@ -86,8 +86,7 @@ def poses_at(solids, t):  # type: ignore[no-untyped-def]
     out = np.empty((solids.J, 4))
     for j in range(solids.J):
         out[j, 0], out[j, 1], yaw, _, _, _, _ = piece_of(solids, j, t)
-        out[j, 2] = math.cos(yaw)
-        out[j, 3] = math.sin(yaw)
+        out[j, 2:] = (math.cos(yaw), math.sin(yaw))
     return out
 
 
@@ -101,12 +100,7 @@ def clearance_from(domain, k, pose, x, y):  # type: ignore[no-untyped-def]
 @inlined
 def _in_body(pose, owner, x, y):  # type: ignore[no-untyped-def]
     """Return a point (x, y) in a body's own frame [m]."""
-    dx = x - pose[owner, 0]
-    dy = y - pose[owner, 1]
-    c = pose[owner, 2]
-    s = pose[owner, 3]
-
-    return c * dx + s * dy, c * dy - s * dx
+    return turned_back(pose[owner, 2], pose[owner, 3], x - pose[owner, 0], y - pose[owner, 1])
 
 
 @inlined
@@ -234,8 +228,7 @@ def _directions(domain, patch, x, y, now, away):  # type: ignore[no-untyped-def]
         ex, ey, _, _ = offset_of_solid(domain.solids, patch.near[k], u, v)
         c = patch.begin[owner, 2]
         s = patch.begin[owner, 3]
-        away[SOLID + k, 0] = c * ex - s * ey
-        away[SOLID + k, 1] = s * ex + c * ey
+        away[SOLID + k] = (c * ex - s * ey, s * ex + c * ey)
 
 
 @kernel

@@ -171,8 +171,7 @@ def turning_gaps(space: FreeSpace, frame: Frame, rays: Rays) -> Array:
     begun = poses.reshape(-1, 3)[met, None]
     heading = begun[..., 2:]
     along = begun + ahead[:, None] * np.concatenate((np.cos(heading), np.sin(heading), 0.0 * heading), axis=-1)
-    passed = free(along.reshape(-1, 3)).reshape(len(met), -1).all(axis=1)
-    rays.ended.ravel()[met[passed]] = np.nan
+    rays.ended.ravel()[met[free(along.reshape(-1, 3)).reshape(len(met), -1).all(axis=1)]] = np.nan
     rays.ended[~clear] = -1.0
 
     gaps = np.full((2, *shape), np.inf)

@@ -141,8 +141,9 @@ class Desirability:
         value, _ = self._at(states, t)
         if not self.moves:
             d = self.problem.dynamics
-            poses = states[:, d.reads(self.space.static.kernels.turns)]
-            blocked = (self.space.collision.clearance(poses) <= 0.0) & ~self.space.scene.goal.contains(d.place(states))
+            blocked = (
+                self.space.collision.clearance(states[:, d.reads(self.space.static.kernels.turns)]) <= 0.0
+            ) & ~self.space.scene.goal.contains(d.place(states))
             value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 
@@ -256,9 +257,8 @@ class Optimal(Policy):
             law = HeldLaw.of(
                 law, proposals.wall_drift(proposals.scales(x).wall_offset, self.held, time=now), self.held, x
             )
-        value = self.desirability.value(x, now)
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
-            instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(value), space=self.space,
-            movers=self.run.route.movers,
+            instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(self.desirability.value(x, now)),
+            space=self.space, movers=self.run.route.movers,
         )  # fmt: skip

@@ -95,8 +95,7 @@ def walker(
 
         for k in range(TUNING.candidates):
             state, z, w = normals(state)
-            y[0] = x[0] + ahead[0] + deviation * z
-            y[1] = x[1] + ahead[1] + deviation * w
+            y[:2] = (x[0] + ahead[0] + deviation * z, x[1] + ahead[1] + deviation * w)
 
             outcome = end(grid, process, y)
             ends[k] = y[:2]

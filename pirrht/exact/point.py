@@ -74,8 +74,7 @@ def _cut(domain: Domain, tails: Array, heads: Array) -> tuple[Array, BoolArray]:
             args=(crosses,), tolerances={"fatol": CLOSE},
         )  # fmt: skip
         to_wall[crosses] = np.nan_to_num(root.x)
-    length = np.clip(np.minimum(to_rim, to_wall), CLOSE, full)
-    return tails + length[:, None] * unit, to_rim <= to_wall
+    return tails + np.clip(np.minimum(to_rim, to_wall), CLOSE, full)[:, None] * unit, to_rim <= to_wall
 
 
 ComplexArray = NDArray[np.complex128]

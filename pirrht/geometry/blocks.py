@@ -80,8 +80,9 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float, fine: f
             arrays, coarse = _sampled(collision, members, h * 2**level, points, fine if level else None)
             i, j = (some // cells).T
             at = steps[: 1 << level]
-            numbers = (size + np.arange(len(some))) << LEVEL_BITS | level
-            table[i[:, None, None] + at[:, None], j[:, None, None] + at] = numbers[:, None, None]
+            table[i[:, None, None] + at[:, None], j[:, None, None] + at] = (
+                (size + np.arange(len(some))) << LEVEL_BITS | level
+            )[:, None, None]
             parts.append(arrays)
             size += len(some)
             b, i, j = np.nonzero(coarse.reshape(-1, 2, cells // 2, 2, cells // 2).any(axis=(2, 4)))

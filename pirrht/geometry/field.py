@@ -199,9 +199,8 @@ def clearances(field, points, out):  # type: ignore[no-untyped-def]
 @inlined
 def two_walls(field, x, y):  # type: ignore[no-untyped-def]
     """Return the two nearest walls at (x, y) [m], border included: distance [m] and unit vector away from it, each."""
-    nearest = with_slope(field, field.nearest, x, y)
 
-    return walls_of(field, x, y, nearest, with_slope(field, field.second, x, y))
+    return walls_of(field, x, y, with_slope(field, field.nearest, x, y), with_slope(field, field.second, x, y))
 
 
 @inlined

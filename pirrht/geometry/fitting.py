@@ -105,8 +105,9 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     places = goal.center + cell * (lattice(2 * count + 1, 2 * count + 1) - count)
     to_rim = goal.radius - np.hypot(*np.moveaxis(places - goal.center, -1, 0))
     to_border = np.minimum(places - scene.lower, scene.upper - places).min(axis=-1)
-    to_obstacles = collision.distance(places.reshape(-1, 2)).reshape(to_rim.shape) - radius
-    clearance = np.minimum(np.minimum(to_rim, to_border), to_obstacles)
+    clearance = np.minimum(
+        np.minimum(to_rim, to_border), collision.distance(places.reshape(-1, 2)).reshape(to_rim.shape) - radius
+    )
     pieces, found = label(clearance > SHORTEST)
     if not found:
         return None

@@ -77,14 +77,12 @@ class Footprint:
 
     def __repr__(self) -> str:
         low, high = np.min(self.corners, axis=0), np.max(self.corners, axis=0)
-        count = len(self.corners)
         grown = f", grown by {self.rounding:.3g} m" if self.rounding else ""
 
         if self.is_disc:
             return f"Footprint(disc of {self.rounding:.3g} m)"
-        if self.is_rectangle:
-            return f"Footprint({high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} m{grown})"
-        return f"Footprint(polygon of {count} corners{grown})"
+        sides = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g} m"
+        return f"Footprint({sides if self.is_rectangle else f'polygon of {len(self.corners)} corners'}{grown})"
 
     @property
     def is_disc(self) -> bool:
@@ -212,8 +210,9 @@ def cover(footprint: Footprint, excess: float) -> Array:
         # The disc that touches this edge here touches edge j when its radius is the distance there over 1 - n.n_j.
         away = np.einsum("pki,ki->pk", places[:, None] - hull, normal)
         apart = 1.0 - normal @ inward
-        radius = np.where(apart > 1e-9, away / np.maximum(apart, 1e-9), np.inf).min(axis=1)
-        centres.append(places + radius[:, None] * inward)
+        centres.append(
+            places + np.where(apart > 1e-9, away / np.maximum(apart, 1e-9), np.inf).min(axis=1)[:, None] * inward
+        )
         edges.append(corner + np.linspace(0.0, 1.0, math.ceil(length / slack) + 1)[:, None] * side)
     candidates, samples = np.concatenate(centres), np.concatenate(edges)
     radii = excess - depths(hull, candidates)

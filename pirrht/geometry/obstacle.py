@@ -77,9 +77,8 @@ class Obstacle:
             raise SceneError(f"{label}: size is {size.tolist()}; the first {used} must be positive")
         if not np.abs(rotation @ rotation.T - _UNIT).max() < TUNING.askew:
             raise SceneError(f"{label}: rotation is {rotation.tolist()}; its columns must be orthogonal unit vectors")
-        object.__setattr__(self, "size", size)
-        object.__setattr__(self, "position", position)
-        object.__setattr__(self, "rotation", rotation)
+        for part, value in (("size", size), ("position", position), ("rotation", rotation)):
+            object.__setattr__(self, part, value)
         if self.kind is Kind.MESH:
             self._check_hull(label)
 

@@ -57,8 +57,7 @@ class Passages:
         left, right = self.chords()
         ends, pieces = _side(left, right, line), _side(line[:-1], line[1:], np.vstack([left, right])).T
         over = (ends[:, :-1] > 0.0) != (ends[:, 1:] > 0.0)
-        within = (pieces[: self.count] > 0.0) != (pieces[self.count :] > 0.0)
-        return np.asarray((over & within).any(axis=1))
+        return np.asarray((over & ((pieces[: self.count] > 0.0) != (pieces[self.count :] > 0.0))).any(axis=1))
 
     def between(self, k: int, collision: Collision) -> list[str]:
         """Return the names of two solids, or of one and "border", between which passage k leads."""
@@ -91,8 +90,9 @@ def find_passages(field: Field, collision: Collision) -> Passages:
         middle = np.array([x, y, 0.0, c])
         if not _centre(field, radius, middle) or middle[3] > REACH:
             continue
-        near = np.hypot(*(found[:, :2] - middle[:2]).T) < radius
-        if np.any(near & (np.abs(np.sin(found[:, 2] - middle[2])) < 0.7)):  # it leads through a known chord
+        if np.any(
+            (np.hypot(*(found[:, :2] - middle[:2]).T) < radius) & (np.abs(np.sin(found[:, 2] - middle[2])) < 0.7)
+        ):  # it leads through a known chord
             continue
         if middle[3] < field.spacing and not collision.free(middle[None, :2])[0]:
             continue
@@ -175,8 +175,7 @@ def _centre(field, radius, middle):  # type: ignore[no-untyped-def]
                 shortest, angle = length, trial
         length = _narrowest(field, radius, middle, angle, most)
         step *= 0.25
-    middle[2] = angle + 0.5 * np.pi
-    middle[3] = 0.5 * length - field.spacing
+    middle[2:] = (angle + 0.5 * np.pi, 0.5 * length - field.spacing)
 
     return middle[3] > -0.5 * field.spacing**2 / radius
 
@@ -200,8 +199,7 @@ def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-d
             length, shift = _chord(field, x, y, angle, most)
             if length < best - TUNING.chord_gain * move:
                 best, shorter = length, True
-                middle[0] = x + shift * ux
-                middle[1] = y + shift * uy
+                middle[:2] = (x + shift * ux, y + shift * uy)
         if not shorter:
             move *= 0.5
     return best

@@ -30,8 +30,7 @@ def is_foreign(found: os.stat_result, shared: int = 0) -> bool:
     """Return whether somebody else may have written something, or, of a link, what it leads to; `shared` bits aside."""
     if not hasattr(os, "geteuid"):  # there are no owners
         return False
-    open_to = found.st_mode & 0o022 & ~shared
-    return found.st_uid not in (0, os.geteuid()) or bool(open_to) or stat.S_ISLNK(found.st_mode)
+    return found.st_uid not in (0, os.geteuid()) or bool(found.st_mode & 0o022 & ~shared) or stat.S_ISLNK(found.st_mode)
 
 
 @cache

@@ -175,14 +175,16 @@ def solids_of(moving, j):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def turned_back(c, s, dx, dy):  # type: ignore[no-untyped-def]
+    """Return a vector (dx, dy) as seen from a body at a yaw of cosine c and sine s."""
+    return c * dx + s * dy, c * dy - s * dx
+
+
+@inlined
 def clearance_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     """Return the clearance of (x, y) [m] from obstacle j at (ox, oy) [m] and a yaw of cosine c and sine s [m]."""
-    dx, dy = x - ox, y - oy
-
-    u = c * dx + s * dy
-    v = c * dy - s * dx
+    u, v = turned_back(c, s, x - ox, y - oy)
     best = moving.cutoff
-
     for k in solids_of(moving, j):
         best = min(best, clearance_of_solid(moving, k, u, v))
     return best
@@ -194,10 +196,7 @@ def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
 
     It is at (ox, oy) [m] and a yaw of cosine c and sine s. Both vectors are zero inside of it and beyond the cutoff.
     """
-    dx, dy = x - ox, y - oy
-
-    u = c * dx + s * dy
-    v = c * dy - s * dx
+    u, v = turned_back(c, s, x - ox, y - oy)
     best = moving.cutoff
     which = -1
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.space import NEVER
-from pirrht.geometry.world import WALL
 from pirrht.jit.jit import borrowing, inlined, kernel, part
 from pirrht.jit.streams import FAR, MIN_VARIANCE, first_crossing, survival, uniform
+from pirrht.jit.vectors import copy_row
 from pirrht.moving.distances import (
     clearance_facing,
     clock_of,
@@ -148,8 +148,7 @@ def walls(moving, notes, x, y, t, within, out):  # type: ignore[no-untyped-def]
     for k in range(int(notes.listing[COUNT])):
         j = notes.candidates[k]
         if near[j, KNOWN] == 1.0 and near[j, D] < within:
-            for c in range(WALL):
-                out[count, c] = near[j, c]
+            copy_row(near[j], out[count])
             count += 1
     return count, until
 
@@ -252,8 +251,7 @@ def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no
     state, u = uniform(state)
     if u < alive:
         return state, NEVER, 0.0
-    for c in range(WALL):
-        out[0, c] = notes.near[which, c]
+    copy_row(notes.near[which], out[0])
     state, share = first_crossing(max(from_, MIN_VARIANCE), to, math.sqrt(variance), state)
     return state, share, 0.0
 

@@ -153,8 +153,7 @@ def _shapes(
         corner[k] = solids.low[k] - cutoff - footprint.radius - pitch
         shape[k] = np.ceil((solids.high[k] + cutoff + footprint.radius - corner[k]) / pitch).astype(int) + 2
         first[k] = sum(map(len, parts))
-        alone = Collision(Workspace(-plane, plane, (obstacles[k],)), footprint)
-        distance = alone.distance(
+        distance = Collision(Workspace(-plane, plane, (obstacles[k],)), footprint).distance(
             corner[k] + pitch * np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
         )
         parts.append(distance if pitch == fine else np.maximum(distance - _excess(distance, pitch), 0.0))

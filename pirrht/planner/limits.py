@@ -67,6 +67,7 @@ def grown_tree(
     if needed and needed[0] <= limit < max(needed):
         needed = needed[:1] if sum(one.length <= longest for one in references(first)) == classes else needed
     least = min(max(needed, default=0.0), LIMITS.wider[-1])
-    wider = (grown(wide) for wide in LIMITS.wider if wide > limit and wide >= least)
-    trees = itertools.chain([first] if least <= limit else [], wider)
+    trees = itertools.chain(
+        [first] if least <= limit else [], (grown(wide) for wide in LIMITS.wider if wide > limit and wide >= least)
+    )
     return next((tree for tree in trees if tree.lengths(tree.at(x, 0.0))), first)

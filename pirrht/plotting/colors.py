@@ -50,8 +50,7 @@ def place_of(name: str) -> int:
     if not away:
         return 0
     if len(away) == 1 and abs(turns[away[0]]) == 1:
-        first = turns[away[0]] == (-1) ** (away[0] + 1)
-        return (1 + away[0] + (0 if first else len(turns))) % len(PALETTE)
+        return (1 + away[0] + (0 if turns[away[0]] == (-1) ** (away[0] + 1) else len(turns))) % len(PALETTE)
     return crc32(name.encode()) % len(PALETTE)
 
 

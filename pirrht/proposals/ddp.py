@@ -35,14 +35,9 @@ def optimiser(kind: KernelSpec) -> Any:
     noisy_position = kind.noisy_position
     moving = kind.moving is not None
 
-    among = kind.moving or NOTHING_MOVES
-    watch, sweep_among = among.watch, among.sweep
+    watch, _, _, _, sweep_among, _, _ = kind.moving or NOTHING_MOVES
     pose, sweep, (px, py) = pose_at(kind.reads), kind.space.sweep, kind.position
-    signature = kind.classes or NO_CLASSES
-    key_of_step = signature.key
-    watch_class = signature.watch
-    begin_class = signature.begin
-    follow_class = signature.follow
+    *_, key_of_step, _, watch_class, begin_class, follow_class = kind.classes or NO_CLASSES
 
     @kernel
     def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]

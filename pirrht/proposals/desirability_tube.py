@@ -340,7 +340,7 @@ def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
     if (across > 0.0) != (other > 0.0):
         out[1 if across > 0.0 else 0] = far
     elif abs(across) < TUNING.either_side:
-        out[0], out[1] = near, near
+        out[:2] = near
 
 
 @kernel
@@ -379,12 +379,10 @@ def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
             propagate(np.float32(k), line, J, np.float32(wide), known, f)
         wide = step
         for j in range(J):
-            slope[c, j, 0] = f[SLOPE_X + j]
-            slope[c, j, 1] = f[SLOPE_Y + j]
+            slope[c, j, :2] = (f[SLOPE_X + j], f[SLOPE_Y + j])
             _to_sides(f, j, tx, ty, slope[c, j, 2:])
         place[c, :2], place[c, 2], place[c, 3] = point[c], tx, ty
-        place[c, 4] = 0.5 * step - ends[c, 1]
-        place[c, 5] = 1.0 / step
+        place[c, 4:] = (0.5 * step - ends[c, 1], 1.0 / step)
 
         if c > 0:
             top = f[LOG_PSI]

@@ -119,10 +119,9 @@ class DDPGuide:
         travel = np.hypot(*np.diff(places, axis=0).T)
         steps = np.diff(self.times)[passed : self.length]
         durations = np.append(steps, travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9))
-        controls = np.vstack([self.tape[passed : self.length], np.zeros(self.dynamics.m)])
         return Trajectory(
-            controls=controls, durations=durations, path=straight(states, places, durations),
-            cost=float(durations.sum()), length=float(travel.sum()),
+            controls=np.vstack([self.tape[passed : self.length], np.zeros(self.dynamics.m)]), durations=durations,
+            path=straight(states, places, durations), cost=float(durations.sum()), length=float(travel.sum()),
         )  # fmt: skip
 
 
@@ -247,8 +246,9 @@ class Initialisation:
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
-        empty = empty_course(len(last.modes), self.dynamics.n, self.width)
-        nominal = empty._replace(states=last.states, control=last.modes, gains=last.gains)
+        nominal = empty_course(len(last.modes), self.dynamics.n, self.width)._replace(
+            states=last.states, control=last.modes, gains=last.gains
+        )
         return self.retimed(nominal, last.length, last.times, times, elapsed=elapsed)
 
     def retimed(

@@ -93,9 +93,8 @@ def exits(kind: KernelSpec) -> Any:
     wall was met, and what is clear at its end: distances, a clearance, and whether these are the distances there.
     """
     noisy_position, moving, along_line = kind.noisy_position, kind.moving is not None, kind.along_line
-    among = kind.moving or NOTHING_MOVES
     ended = ended_for(kind)
-    bridge_among, sweep_among, clearance_among = among.bridge, among.sweep, among.clearance
+    _, _, _, bridge_among, sweep_among, clearance_among, _ = kind.moving or NOTHING_MOVES
     space = kind.space
     swings, spread = space.turns and not noisy_position, space.spread
     bridge, sweep, end, distances = space.bridge, space.sweep, space.end, space.distances

@@ -104,9 +104,10 @@ def aims(kind: KernelSpec) -> Any:
         """Write `a` of a tube, whose desirability is climbed."""
         stage = scratch.stage
         px = np.float32(scratch.x[0])
-        py = np.float32(scratch.x[1])
 
-        stage[g] = tube_at(tube_of(tables.ways, g), stage[g], tables.ways.decay, goal, px, py, scratch.tube, 0, 1)
+        stage[g] = tube_at(
+            tube_of(tables.ways, g), stage[g], tables.ways.decay, goal, px, np.float32(scratch.x[1]), scratch.tube, 0, 1
+        )
         c, (wx, wy), d, (vx, vy) = walls
         along_noise(scratch.B, slope_of(scratch.tube, 0, 1, (c, wx, wy, d, vx, vy)), scratch.a, g)
 

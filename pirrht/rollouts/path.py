@@ -130,8 +130,7 @@ def recorder(kind: KernelSpec) -> Any:
         (i, whole, first) = where
         near_walls = noisy_position and tables.wall_offset > 0.0
         if i < keep.applied.shape[0]:
-            for j in range(m):
-                scratch.column[j] = scratch.y[j]
+            copy_row(scratch.y, scratch.column)
             add_control(scratch, keep.applied, i, 1.0 / whole)
         if i >= tables.window:
             return 0.0
@@ -238,8 +237,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     moving, begin_watch = kind.moving is not None, (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
-    noise = pose_noise(kind)
-    covariance, scaled = noise.covariance, noise.scaled
+    covariance, scaled, _, _ = pose_noise(kind)
     pose, distances, no_walls = pose_at(kind.reads), kind.space.distances, NO_WALLS[len(kind.reads)]
     move = motion(kind)
 
@@ -256,8 +254,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
 
     relax, record = recorder(kind)
     key_of_step = (kind.classes or NO_CLASSES).key
-    begin_class = followed(kind).begin
-    follow_class = followed(kind).follow
+    *_, begin_class, follow_class = followed(kind)
 
     @part
     def begin(setup, tables, origin, scratch):  # type: ignore[no-untyped-def]

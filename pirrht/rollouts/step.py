@@ -324,7 +324,7 @@ def shapes_for(kind: KernelSpec) -> Any:
 @cache
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
-    _, m, _, modes = kind.sizes
+    modes = kind.modes
 
     column = law_columns(kind.n, modes).deviation
     even = modes + modes % 2
@@ -346,8 +346,7 @@ def noise_for(kind: KernelSpec) -> Any:
             matvec(drawn.ctypes.data, row + 8 * column, source)
             source = drawn.ctypes.data
         axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), scratch.a.ctypes.data + 8 * scratch.a.shape[1] * h, dt)
-        for j in range(m):
-            scratch.y[j] = drawn[j]
+        copy_row(drawn, scratch.y)
         return state
 
     return under_law

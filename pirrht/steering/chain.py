@@ -159,8 +159,7 @@ def _chain(
                 if not total[i] < limit:
                     break
                 tail = stations[i : i + 1]
-                head = stations[j : j + 1]
-                motion, own, turned = join(around, numbers, tail, head, last, scratch)
+                motion, own, turned = join(around, numbers, tail, stations[j : j + 1], last, scratch)
                 own += best[i] + charge
                 if turned == passed[j] - passed[i] and own < best[j] and admissible(around, motion, last):
                     best[j], source[j] = own, i

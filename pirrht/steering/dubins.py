@@ -118,9 +118,7 @@ def sideways(x, move, step, numbers, out):  # type: ignore[no-untyped-def]
     side = (move // 3 - 1) * step * numbers[0]
     turn = (move % 3 - 1) * step
 
-    out[0] = x[0] - side * math.sin(x[2])
-    out[1] = x[1] + side * math.cos(x[2])
-    out[2] = x[2] + turn
+    out[:] = (x[0] - side * math.sin(x[2]), x[1] + side * math.cos(x[2]), x[2] + turn)
 
 
 @inlined

@@ -173,8 +173,9 @@ class InTime(CompiledSteering):
         across, along, paces = map(np.array, (TUNING.passage_offsets, TUNING.passage_places, TUNING.passage_paces))
         middles = passages.place + np.multiply.outer(across, half)[:, None]
         places = middles + radius * np.multiply.outer(along, ahead)  # (across, along, P, 2)
-        away = np.linalg.norm(middles - begun[:2], axis=-1) + radius * along[:, None]
-        times = begun[2] + np.divide.outer(away, self.pace * paces)
+        times = begun[2] + np.divide.outer(
+            np.linalg.norm(middles - begun[:2], axis=-1) + radius * along[:, None], self.pace * paces
+        )
         states = np.concatenate([np.repeat(places[..., None, :], len(paces), axis=-2), times[..., None]], axis=-1)
         states = states.reshape(-1, 3)
         cost = self._through(states, begun, space.scene)

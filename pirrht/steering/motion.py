@@ -229,7 +229,7 @@ def _between(curves, i, share, out):  # type: ignore[no-untyped-def]
     for p in range(length.shape[0]):
         x, y, theta = along(x, y, theta, curves.curvature[i, p], min(left, length[p]))
         left = max(0.0, left - length[p])
-    out[0], out[1] = x, y
+    out[:2] = (x, y)
     if n == 3:
         out[2] = theta - TWO_PI * math.floor((theta + math.pi) / TWO_PI)
     return True

@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.arcs import Curves
 from pirrht.geometry.space import FREE, SpaceKernels
 from pirrht.jit.jit import borrowing, inlined, kernel
-from pirrht.jit.vectors import copy_rows
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.steering.chain import Connect, shortcut_with
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.legs import entered
@@ -68,9 +68,8 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
             return False
         share = min(1.0, entered(around, a[0], a[1], b[0], b[1]))
         x = a[0] + share * (b[0] - a[0])
-        y = a[1] + share * (b[1] - a[1])
 
-        return certify_piece(around.static, (a[0], a[1]), (x, y), False) == FREE
+        return certify_piece(around.static, (a[0], a[1]), (x, a[1] + share * (b[1] - a[1])), False) == FREE
 
     shortcut = shortcut_with(key_of, joins)
 
@@ -93,10 +92,8 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
             s = share if first else 1.0
             r = share if last else 1.0
 
-            corner[0, 0] = x + s * ax
-            corner[0, 1] = y + s * ay
-            corner[2, 0] = x + r * bx
-            corner[2, 1] = y + r * by
+            corner[0] = (x + s * ax, y + s * ay)
+            corner[2] = (x + r * bx, y + r * by)
 
             if k == halvings:
                 break
@@ -112,14 +109,11 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
     @kernel
     def blunt_corners(around, points, count, least, capacity, out):  # type: ignore[no-untyped-def]
         """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, under `capacity`."""
-        out[0, 0] = points[0, 0]
-        out[0, 1] = points[0, 1]
+        copy_row(points[0], out[0])
         n, corner = 1, np.empty((3, 2))
         for i in range(1, count - 1):
-            for c in range(2):
-                corner[0, c] = out[n - 1, c]
-                corner[1, c] = points[i, c]
-                corner[2, c] = points[i + 1, c]
+            copy_row(out[n - 1], corner[0])
+            copy_rows(points[i : i + 2], corner[1:])
             ax = corner[1, 0] - corner[0, 0]
             ay = corner[1, 1] - corner[0, 1]
             bx = corner[2, 0] - corner[1, 0]
@@ -132,12 +126,9 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
                 copy_rows(corner[::2], out[n : n + 2])
                 n += 2
             else:
-                out[n, 0] = points[i, 0]
-                out[n, 1] = points[i, 1]
+                copy_row(points[i], out[n])
                 n += 1
-        out[n, 0] = points[count - 1, 0]
-        out[n, 1] = points[count - 1, 1]
-
+        copy_row(points[count - 1], out[n])
         return n + 1
 
     @kernel
@@ -150,8 +141,7 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
                     loose = True
                     copy_rows(points[i - 1 : i + 2], corner)
                     cut(around, corner, end == 0, end == 2, TUNING.slide_halvings)
-                    points[i, 0] = corner[end, 0]
-                    points[i, 1] = corner[end, 1]
+                    copy_row(corner[end], points[i])
         return loose
 
     @kernel
@@ -162,7 +152,7 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
         work = np.empty((out.shape[0], 2))
 
         copy_rows(points, out[: count - 1])
-        out[count - 1, 0], out[count - 1, 1] = around.goal_x, around.goal_y
+        out[count - 1] = (around.goal_x, around.goal_y)
         for k in range(TUNING.rounds):
             count = shortcut(around, 0, out[:count], count if k == 0 else TUNING.patience)
             length = _length(out, count)
@@ -183,9 +173,7 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
 
             share = entered(around, ax, ay, ax + dx, ay + dy)
             if share < np.inf:
-                out[i + 1, 0] = ax + share * dx
-                out[i + 1, 1] = ay + share * dy
-
+                out[i + 1] = (ax + share * dx, ay + share * dy)
                 return i + 2
         return count
 

@@ -121,8 +121,7 @@ def straight_turns(px, py, mx, my, gx, gy):  # type: ignore[no-untyped-def]
     ax, ay = px - mx, py - my
     bx, by = gx - mx, gy - my
     # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does at crossings.
-    on_cut = ax * by - ay * bx == 0.0 and ax * bx + ay * by < 0.0
-    return -0.5 if on_cut else turns_of_chord(ax, ay, bx, by)
+    return -0.5 if ax * by - ay * bx == 0.0 and ax * bx + ay * by < 0.0 else turns_of_chord(ax, ay, bx, by)
 
 
 @inlined

@@ -30,8 +30,9 @@ def base(table, x, out):  # type: ignore[no-untyped-def]
     for j in range(table.tracks.J):
         out[cuts.M + j] = 0.0
         if x[2] < math.inf:
-            arrival = x[2] + math.hypot(gx - x[0], gy - x[1]) / table.speed
-            out[cuts.M + j] = turns_of_step(table.tracks, j, (x[0], x[1], x[2]), (gx, gy, arrival))
+            out[cuts.M + j] = turns_of_step(
+                table.tracks, j, (x[0], x[1], x[2]), (gx, gy, x[2] + math.hypot(gx - x[0], gy - x[1]) / table.speed)
+            )
 
 
 @kernel

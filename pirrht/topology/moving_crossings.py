@@ -145,9 +145,8 @@ def _beyond(line, box):  # type: ignore[no-untyped-def]
     """Return whether all of a box, at its address, has a number of `_far_side` that is positive beyond rounding."""
     a, b, c = line
     x = load_float64(box, 0 if a > 0.0 else 2)
-    y = load_float64(box, 1 if b > 0.0 else 3)
 
-    return a * x + b * y - c > TUNING.outside_margin
+    return a * x + b * load_float64(box, 1 if b > 0.0 else 3) - c > TUNING.outside_margin
 
 
 class RayTable(NamedTuple):
@@ -232,11 +231,7 @@ def watch(marks):  # type: ignore[no-untyped-def]
 def begin(marks, x, watch):  # type: ignore[no-untyped-def]
     """Note the sides of rays on which a path from a position x begins; return its first additive key."""
     spot = watch.spot
-    spot[0] = 0.0
-    spot[1] = 0.0
-    spot[2] = x[0] - marks.goal_x
-    spot[3] = x[1] - marks.goal_y
-
+    spot[:] = (0.0, 0.0, x[0] - marks.goal_x, x[1] - marks.goal_y)
     for j in range(watch.side.shape[0]):
         watch.side[j], _ = side_of_ray(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
     return np.int64(marks.opening)

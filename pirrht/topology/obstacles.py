@@ -51,8 +51,9 @@ def components(collision: Collision) -> tuple[Component, ...]:
             if label[i] != label[j] and planar.meeting_point(*sorted((i, j))) is not None:
                 join(i, j)
     groups = (np.flatnonzero(label == first).tolist() for first in np.unique(label))
-    found = (_component(planar, members) for members in groups)
-    return tuple(component for component in found if component is not None)
+    return tuple(
+        component for component in (_component(planar, members) for members in groups) if component is not None
+    )
 
 
 def continued(
@@ -144,8 +145,7 @@ class _Planar:
         middle = 0.5 * (np.maximum(self.low[near], self.low[i]) + np.minimum(self.high[near], self.high[i]))
         sure: BoolArray = self.upright[near] & self.upright[i]
         for low, high in ((self.low[near], self.high[near]), (self.low[i], self.high[i])):
-            off = np.maximum(np.maximum(low - middle, middle - high) + self.radius, 0.0)
-            sure &= np.hypot(*off.T) < self.radius
+            sure &= np.hypot(*np.maximum(np.maximum(low - middle, middle - high) + self.radius, 0.0).T) < self.radius
         if sure.any():
             sure &= self.collision.waived(middle) == 0.0
         return sure
