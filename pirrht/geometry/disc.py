@@ -51,6 +51,12 @@ def walls(static, pose):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def known_walls(static, pose, known):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls of a place of which `distances` are known."""
+    return walls(static, pose)
+
+
+@inlined
 def refused(static, pose):  # type: ignore[no-untyped-def]
     """Return BLOCKED or UNSURE for a place that is not certified; the nearest grid point bounds its clearance."""
     x, y = pose
@@ -345,11 +351,11 @@ def rim(arena, pose, cov):  # type: ignore[no-untyped-def]
     return (ex, ey), rim_along(arena, pose[0], pose[1], ex, ey), alone
 
 
-certify, certify_piece, certify_curve = certificates(clearance, refused, False)
+certify, certify_piece, certify_curve, _ = certificates(clearance, refused, False)
 
 DISC = SpaceKernels(
     position=2, turns=False, isotropic=True, near_most=NEAR_MOST, clearance=clearance, place=clearance, walls=walls,
-    near=near, distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep, bridge=bridge,
+    known_walls=known_walls, near=near, distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep, bridge=bridge,
     end=endpoint_exit, exit=towards_exit, rim=rim, certify=certify, certify_place=certify,
     certify_piece=certify_piece, certify_curve=certify_curve,
 )  # fmt: skip
