@@ -11,12 +11,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import SceneError
 from pirrht.geometry.arcs import point_along
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.footprint import Footprint, placed
 from pirrht.geometry.scene import Scene, Waiver, Workspace
 from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from, square_to
 from pirrht.geometry.tuning import TUNING
@@ -221,8 +222,22 @@ class HullCollision(Collision):
         for k in np.flatnonzero(free):
             span = heads[k] - tails[k]
             start = (float(tails[k, 0]), float(tails[k, 1]), math.atan2(span[1], span[0]))
-            free[k] = self.arc_free(start, 0.0, float(np.hypot(*span)))
+            free[k] = self._sweeps_free(np.array(start), span) or (
+                len(self._waivers) > 0 and self.arc_free(start, 0.0, float(np.hypot(*span)))
+            )
         return free
+
+    def _sweeps_free(self, start: Array, span: Array) -> bool:
+        """Return whether the hull that a move from a pose by span (2,) [m] sweeps is free, with all of the margin."""
+        middle = start[:2] + 0.5 * span
+        ends = placed(self.footprint.hull, start) - middle
+        points = np.vstack((ends, ends + span))
+        swept = points[ConvexHull(points).vertices]
+        farthest = float(np.hypot(*swept.T).max())
+        clear = np.empty(1)
+        numbers = self._numbers._replace(hull=swept, farthest=farthest, waivers=np.empty((0, 4)))
+        hull_clearances(numbers, np.append(middle, 0.0)[None], clear)
+        return bool(clear[0] > 0.0)
 
     def fitted(self, scene: Scene) -> Scene:
         """Return the scene with less safety margin around a start at whose pose there is no room for all of it.
