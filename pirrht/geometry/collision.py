@@ -15,7 +15,7 @@ import numpy as np
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.arcs import along
 from pirrht.geometry.footprint import Footprint
-from pirrht.geometry.scene import Kind, Obstacle, Workspace
+from pirrht.geometry.scene import Kind, Obstacle, Scene, Workspace
 from pirrht.geometry.shapes import Solids, distances, hull_of
 from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.walls import Found, nearest_walls
@@ -185,6 +185,10 @@ class Collision:
             kink = np.where(np.abs(eased[near] - rim) < TUNING.kink_cells * cell, min(0.6 * cell, 0.5 * less), 0.0)
             eased[near] = np.maximum(eased[near], np.minimum(rim, d[near] + less)) - kink
         return eased
+
+    def fitted(self, scene: Scene) -> Scene:
+        """Return the scene with what its footprint requires around the start: of a disc nothing more."""
+        return scene
 
     @property
     def least_radius(self) -> float:

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import SceneError
@@ -231,8 +230,11 @@ class HullCollision(Collision):
         """Return whether the hull that a move from a pose by span (2,) [m] sweeps is free, with all of the margin."""
         middle = start[:2] + 0.5 * span
         ends = placed(self.footprint.hull, start) - middle
-        points = np.vstack((ends, ends + span))
-        swept = points[ConvexHull(points).vertices]
+        aside = ends @ np.array([-span[1], span[0]])
+        right = int(np.argmin(aside))
+        around = np.roll(np.arange(len(ends)), -right)  # from there over the front
+        left = int(np.argmax(aside[around]))
+        swept = np.vstack((ends[around[: left + 1]] + span, ends[around[left:]], ends[right]))
         farthest = float(np.hypot(*swept.T).max())
         clear = np.empty(1)
         numbers = self._numbers._replace(hull=swept, farthest=farthest, waivers=np.empty((0, 4)))
@@ -256,4 +258,3 @@ class HullCollision(Collision):
             )
         disc = TUNING.turning_reach * scene.footprint.reach
         return replace(scene, waivers=(*scene.waivers, Waiver(x, y, disc, scene.margin - 0.5 * body)))
-

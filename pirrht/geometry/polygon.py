@@ -18,7 +18,7 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.certify import certificates
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.disc import enter_goal, may_meet
+from pirrht.geometry.disc import enter_goal, first_met, may_meet
 from pirrht.geometry.disc import rim as planar_rim
 from pirrht.geometry.field import Field, border, closest, interpolate, with_slope
 from pirrht.geometry.footprint import Footprint, cover, depths
@@ -570,11 +570,7 @@ def bridge(world, pose, moved, before, after, cov, weighed, state, line=False): 
     if may_meet(g0, g1, FAR * (cov[0] + cov[3])):
         step = (pose[0], pose[1], moved[0], moved[1])
         state, goal_time = enter_goal(world, step, g0, g1, planar, line, state)
-    if goal_time == NEVER and wall_time == NEVER:
-        return state, INSIDE, 1.0, lasting
-    if goal_time <= wall_time:
-        return state, GOAL, goal_time, goal_time * lasting
-    return state, COLLISION, wall_time, 0.0
+    return first_met(state, wall_time, goal_time, lasting)
 
 
 @inlined

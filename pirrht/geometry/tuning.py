@@ -51,7 +51,7 @@ class GeometryTuning(NamedTuple):
     widest_footprint: float = 1e3  # farthest corner of a footprint [m]
     outline_pieces: int = 30  # of a whole turn, as which round parts are drawn
     excess: float = 0.01  # by which the discs that cover a polygon reach beyond it, with their field's error [m]
-    cover_share: float = 0.7  # of the excess that the discs take; the rest is the field's
+    cover_share: float = 0.55  # of the excess that the discs take; the rest is the field's
     sure: float = 10.0  # so many times the excess a clearance may be for that to hold; beyond, the field is coarser
     group_excess: float = 5.0  # what the circle around a group of discs reaches beyond, as a multiple of the excess
     tight: float = 10.0  # up to so many times the excess the clearance of a group is that of its discs

@@ -22,7 +22,7 @@ from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Surroundings
-from pirrht.steering.straight_line import Tracked, velocity_at
+from pirrht.steering.straight_line import Tracked, connect_lines, velocity_at
 from pirrht.steering.tuning import TUNING
 
 
@@ -77,29 +77,18 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair; the numbers are the costs per meter and radian, and 1 for a robot that reverses, else 0."""
-    k = tails.shape[0]
-
-    start = np.empty((k, 3))
-    curvature = np.zeros((k, 1))
-    length = np.empty((k, 1))
-    cost = np.empty(k)
-    price = np.empty((k, 2))
-
-    for i in range(k):
-        dx = heads[i, 0] - tails[i, 0]
-        dy = heads[i, 1] - tails[i, 1]
-        length[i, 0] = math.sqrt(dx * dx + dy * dy)
-        way = math.atan2(dy, dx) if length[i, 0] > 0.0 else tails[i, 2]
-
-        start[i, 0] = tails[i, 0]
-        start[i, 1] = tails[i, 1]
-        start[i, 2] = way
+    lines = connect_lines(tails, heads, numbers)
+    price = np.empty((len(tails), 2))
+    for i in range(len(tails)):
+        if lines.length[i, 0] == 0.0:
+            lines.start[i, 2] = tails[i, 2]
+        way = lines.start[i, 2]
         price[i, 0] = numbers[0]
         price[i, 1] = numbers[1]
 
         heading = way + math.pi if backwards(way, tails[i, 2], heads[i, 2], numbers[2] > 0.0) else way
-        cost[i] = length[i, 0] * numbers[0] + numbers[1] * turns_of(heading, tails[i, 2], heads[i, 2])
-    return Turned(start, curvature, length, cost, tails, heads.copy(), price)
+        lines.cost[i] += numbers[1] * turns_of(heading, tails[i, 2], heads[i, 2])
+    return Turned(lines.start, lines.curvature, lines.length, lines.cost, tails, heads.copy(), price)
 
 
 @cache
