@@ -33,7 +33,9 @@ _NAMES = {
     "geometry.scene": "Goal Kind Obstacle Scene", "outcome": "Outcome", "planner.references": "Reference",
     "planner.limits": "grown_tree",
     "planner.tree": "HomologyTree", "problem": "Problem", "steering.dubins": "Dubins", "steering.motion": "Trajectory",
-    "steering.steering": "Steering", "steering.straight_line": "StraightLine", "systems.dynamics": "Dynamics",
+    "steering.double_integrator": "MassSteering", "steering.turn_and_go": "TurnAndGo", "systems.rover": "Rover",
+    "systems.double_integrator": "DoubleIntegrator", "systems.second_order_car": "SecondOrderCar",
+    "steering.steering": "Steering", "steering.straight_line": "StraightLine Tracked", "systems.dynamics": "Dynamics",
     "systems.single_integrator": "SingleIntegrator", "systems.unicycle": "Unicycle", "topology.homology": "Homology",
 }  # fmt: skip
 _HOME = {name: module for module, names in sorted(_NAMES.items()) for name in names.split()}

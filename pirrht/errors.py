@@ -58,7 +58,7 @@ class NoReference(PirrhtError):
         nearest = f"; the nearest blocked signature is ({signature})" if signature else ""
         text = (
             f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"
-            f"{nearest}. Try more vertices, a larger limit of |1 - H_i| or a smaller radius."
+            f"{nearest}. Try more vertices, a larger limit of |1 - H_i| or a smaller footprint."
         )
         if hasty:
             text = (

@@ -79,11 +79,14 @@ def main() -> int:
         type=Path,
         help="draw `calibration`, `maps`, samples and drives of `quality`, or kept and tradeoff of `risk`",
     )
+    parser.add_argument("--shapes", nargs="+", metavar="SHAPE", help="of `effective`: footprints, radii of discs")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="of `first-run`")
     parser.add_argument("--repeats", type=int, default=3, help="of `first-run` (3)")
     random = parser.add_argument_group("calibration and mass")
     random.add_argument(
-        "--scenes", type=int, help="random scenes (30; of the car 3; of `--part moving` the built-in ones)"
+        "--scenes",
+        type=int,
+        help="random scenes (30; of the car 3; of `--part moving` the built-in ones), or BARN's worlds",
     )
     random.add_argument("--states", type=int, help="random states in each (12; of the car 8); of `mass` in all (20)")
     random.add_argument(

@@ -273,6 +273,7 @@ class ProposalBuilder:
                 one.trajectory,
                 last,
                 run.clock.since_plan,
+                alternatives=one.alternatives if thorough else (),
                 thorough=thorough,
                 paces=paces if classes[k] in starts.sampled else (),
                 short=short,

@@ -44,6 +44,8 @@ def extract_references(
         if not run.planned and tree.too_fast(x):
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
         raise
+    if not starts.optima:
+        found = tree.with_alternatives(tree.at(x, run.now), found, threads)
     classes = from_start(run, found)
     paths = {one: reference.path for one, reference in zip(classes, found, strict=True)}
     starts.keep_paths(paths, all_of_them=run.effort.most is None)

@@ -23,7 +23,7 @@ class Footprint:
     """The shape as which a robot plans, in its own frame: the hull of corners, grown by a radius.
 
     The origin is the robot's reference point, which its state places; the x-axis is its heading. A disc has one corner,
-    the origin.
+    the origin. SceneError: the corners have no inside, are not convex or clockwise, or the origin lies outside.
 
     Attributes:
         corners: of the hull, counter-clockwise [m].
@@ -46,6 +46,10 @@ class Footprint:
     corners: Corners = CENTRE
     rounding: float = 0.0
     height: float = TUNING.robot_height
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.corners, tuple) or self.corners != CENTRE:
+            object.__setattr__(self, "corners", tuple((float(x), float(y)) for x, y in _checked(self.corners)))
 
     @classmethod
     def disc(cls, radius: float, *, height: float = TUNING.robot_height) -> Footprint:
@@ -71,8 +75,7 @@ class Footprint:
 
         SceneError: it has no inside, is not convex or clockwise, or the reference point lies outside.
         """
-        corners = _checked(points)
-        return cls(tuple((float(x), float(y)) for x, y in corners), 0.0, height)
+        return cls(points, 0.0, height)  # type: ignore[arg-type]  # checked, and made of tuples, like all corners
 
     def __repr__(self) -> str:
         low, high = np.min(self.corners, axis=0), np.max(self.corners, axis=0)
@@ -191,7 +194,8 @@ def _checked(points: ArrayLike) -> Array:
         raise SceneError(f"two corners of the footprint are the same; {form}")
     turns = np.arctan2(bend, np.einsum("ki,ki->k", along, following)).sum() / (2.0 * np.pi)
     if np.any(bend <= TUNING.askew * size * np.roll(size, -1)) or round(turns) != 1:
-        order = "clockwise" if np.all(bend < 0.0) else "not convex"
+        straight = np.abs(bend) <= TUNING.askew * size * np.roll(size, -1)
+        order = "clockwise" if np.all(bend < 0.0) else "straight at a corner" if straight.any() else "not convex"
         raise SceneError(f"the footprint is {order}; {form}")
     if depths(corners, np.zeros((1, 2)))[0] > -TUNING.smallest:
         raise SceneError(f"the reference point (0, 0) is not inside of the footprint; {form}")

@@ -278,6 +278,8 @@ class Scene:
         goal: Goal | ArrayLike, robot_radius: float = 0.0, robot_height: float = TUNING.robot_height,
         footprint: Footprint = NO_FOOTPRINT, name: str = "scene",
     ) -> Scene:  # fmt: skip
+        if robot_radius and footprint is not NO_FOOTPRINT:
+            raise SceneError(f"{name}: both a robot_radius and a footprint are given; give one of them")
         if not isinstance(goal, Goal):
             x, y, radius = numbers(goal, (3,), "the goal", "x, y, radius [m]")
             goal = Goal(center=np.array([x, y]), radius=float(radius))

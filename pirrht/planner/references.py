@@ -31,6 +31,7 @@ class Reference:
     signature: Array  # (M,) the paper's H, leading 1 included [turns]
     trajectory: Trajectory  # controls (l, m), durations (l,) [s] and path
     named: int | None = None  # turns that its name gives at least, as `Signature.named`
+    alternatives: tuple[Trajectory, ...] = ()  # other courses of the class, not certified: they may touch something
 
     @property
     def path(self) -> Any:
@@ -60,6 +61,7 @@ class ReferenceQuery(NamedTuple):
     """One query of a tree as it is now; the fields after it are those of `HomologyTree.references`."""
 
     tree: Any  # `HomologyTree`
+    steering: Any  # `Steering` that leads to vertices of the tree and shortens paths
     shortened: bool
     before: Mapping[tuple[int, ...], Motions]
     over_budget: Callable[[], bool]
@@ -69,9 +71,9 @@ class ReferenceQuery(NamedTuple):
     def extract(self, x: Array) -> list[Reference]:
         """References from x (n,), a state as vertices are, least [cost] first (ExtractReference); NoReference: none."""
         tree, homology = self.tree, self.tree.homology
-        steering = tree.steering
+        steering = self.steering
         known = self.before if self.shortened and steering.resumes else {}
-        edges = tree.edges_from(x, steering.min_neighbours, self.threads)  # line 1
+        edges = tree.edges_from(x, steering.min_neighbours, self.threads, steering)  # line 1
         rows = _rows(tree, edges)
         classes = self._classes(x, edges, rows, known)
         if not classes:
@@ -105,7 +107,7 @@ class ReferenceQuery(NamedTuple):
 
     def _shortest(self, options: Mapping[int, list[Any]]) -> dict[int, Any]:
         """Shorten paths, of which there are some for each number; return the cheapest of each."""
-        steering, checker = self.tree.steering, self.tree.checker
+        steering, checker = self.steering, self.tree.checker
         each = [(i, path) for i, some in options.items() for path in some]
         short = mapped(lambda one: (one[0], steering.shorten(one[1], checker)), each, self.threads)
         own = {i: [path for j, path in short if j == i] for i in options}
@@ -133,12 +135,12 @@ class ReferenceQuery(NamedTuple):
         """Path from x (n,) over an edge and on from a node at its head, into the goal (line 3)."""
         tree, vertex = self.tree, int(edges.near[row["edge"]])
         states = np.vstack([x, tree.states[path_of(tree.storage.places, vertex, int(row["slot"]))]])
-        return tree.checker.until_goal(tree.steering.connect(states[:-1], states[1:]))
+        return tree.checker.until_goal(self.steering.connect(states[:-1], states[1:]))
 
     def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
         """Cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
         checker, M = self.tree.checker, self.tree.homology.M
-        found = self.tree.steering.resume(x, path, checker)
+        found = self.steering.resume(x, path, checker)
         if found is None:
             return None
         count = len(found.cost)

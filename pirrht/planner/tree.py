@@ -5,7 +5,9 @@ Comments give the paper's lines. Draws of which nothing is doubtful run through 
 """
 
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from numbers import Integral
 from typing import Any, cast
@@ -177,12 +179,16 @@ class HomologyTree:
 
     # -- Algorithm 2: ChooseParent ---------------------------------------------------------------------------------
 
-    def edges_from(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
-        """Judge edges from x (n,) to at least so many near vertices (Algorithm 2); `relax` does AppendNode."""
+    def edges_from(self, x: Array, least: int = 0, threads: int = 1, steering: Steering | None = None) -> Edges:
+        """Judge edges from x (n,) to at least so many near vertices (Algorithm 2); `relax` does AppendNode.
+
+        They may be those of another steering.
+        """
         near = self._near(x, self.states[: self.size], forward=True, least=least)  # line 1
+        connect = (steering or self.steering).connect
 
         def edges(near: NDArray[np.int64]) -> Edges:
-            motions = self.steering.connect(np.repeat(x[None], len(near), axis=0), self.states[near])  # line 3: TPBVP
+            motions = connect(np.repeat(x[None], len(near), axis=0), self.states[near])  # line 3: TPBVP
             return self.checker.inspect(motions, self.in_goal[near], near)  # lines 4 and 5: ObstacleFree
 
         if threads == 1 or len(near) < self.tuning.shared_edges:
@@ -226,8 +232,19 @@ class HomologyTree:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        query = references.ReferenceQuery(self, shortened, before or {}, over_budget, threads, most)
+        query = references.ReferenceQuery(self, self.steering, shortened, before or {}, over_budget, threads, most)
         return query.extract(x)
+
+    def with_alternatives(self, x: Array, found: Sequence[Reference], threads: int = 1) -> list[Reference]:
+        """Return references from x (n,) with paths of their classes by `Steering.alternatives` of the tree's."""
+        x = self.steering.vertex_of(x)
+        others = list[Reference]()
+        for steering in self.steering.alternatives:
+            query = references.ReferenceQuery(self, steering, True, {}, lambda: False, threads, None)
+            with suppress(NoReference):
+                others += query.extract(x)
+        own = {one.winding: tuple(o.trajectory for o in others if o.winding == one.winding) for one in found}
+        return [replace(one, alternatives=own[one.winding]) for one in found]
 
     def at(self, x: Array, time: float) -> Array:
         """State to query the tree at, for a system's state x (n,) at a time [s]."""

@@ -121,7 +121,8 @@ class DDPGuidance:
 
     def optima(
         self, query: Query, reference: Trajectory, last: Sequence[DDPGuide] = (), elapsed: float = 0.0, *,
-        thorough: bool = False, paces: Sequence[float] = (), short: Callable[[], bool] = lambda: False,
+        alternatives: Sequence[Trajectory] = (), thorough: bool = False, paces: Sequence[float] = (),
+        short: Callable[[], bool] = lambda: False,
     ) -> list[DDPGuide]:  # fmt: skip
         """Return the local optima of a class that have some weight, best first; none if none arrives within the time.
 
@@ -135,7 +136,7 @@ class DDPGuidance:
         first = found[0] if found else None
 
         if first is None or not (first.valid or self._in_margin(query)):
-            fresh = self._fresh(query, reference, thorough, short)
+            fresh = self._fresh(query, (reference, *alternatives), thorough, short)
             first = fresh[0] if fresh else None
             found = [*fresh, *found[1:]]
         return self._ranked(first, [one for one in found if one is not None and one.valid])
@@ -157,10 +158,12 @@ class DDPGuidance:
         others = [one for one in valid if one is not best and one.penalised < most and best.log_ratio_to(one) > t.apart]
         return [best, *sorted(others, key=lambda one: one.penalised)[:1]]
 
-    def _fresh(self, query: Query, reference: Trajectory, thorough: bool, short: Callable[[], bool]) -> list[DDPGuide]:
-        """Return valid guides from the initialisations of a class; without any, that from the reference."""
+    def _fresh(
+        self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Callable[[], bool]
+    ) -> list[DDPGuide]:
+        """Return valid guides from the initialisations of a class; without any, that from the first path."""
         found: list[DDPGuide | None] = []
-        for start, stages in self._initialisations(query, reference, thorough):
+        for start, stages in self._initialisations(query, paths, thorough):
             if found and short():
                 break
             found.append(self._from(query, start, stages, short, self.tuning.paces))
@@ -170,20 +173,23 @@ class DDPGuidance:
         return [one for one in found if one is not None and one.valid] or first
 
     def _initialisations(
-        self, query: Query, reference: Trajectory, thorough: bool
+        self, query: Query, paths: Sequence[Trajectory], thorough: bool
     ) -> Iterator[tuple[tuple[Course, int], tuple[Stage, ...]]]:
-        """Yield the initialisations of a class and the stages of their improvement, the reference first.
+        """Yield the initialisations of a class and the stages of their improvement, its paths first.
 
         Optimisation is local. Among moving obstacles a class has several optima: to pass a closing gap at the last
         moment, in good time as is better under much noise, or to let it open again. So other speeds are tried; where
-        steps curve, turning about has several optima, and the first controls are perturbed.
+        steps curve, turning about has several optima: paths that turn tighter find them, or else the first controls are
+        perturbed.
         """
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
-        yield self._begun(query, reference), t.cold[1:] if noisy else t.cold
+        reference, *alternatives = paths
+        for path in paths:
+            yield self._begun(query, path), t.cold[1:] if noisy else t.cold
         if query.setup.world.moving.J > 0:
             yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
-        if thorough and self.tasks[1.0].curved:
+        if thorough and self.tasks[1.0].curved and not alternatives:
             # Of a tracked path no controls are known: perturbed from rest, homing finds optima that tracking does not.
             course, length = self.starts.along(query.x, reference, query.times)
             yield from ((start, t.perturbed) for start in self.starts.perturbed(course.control, length, query.times))

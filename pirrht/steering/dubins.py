@@ -7,7 +7,7 @@ The centres of the outer circles fix the straight piece or the middle circle.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.vectors import copy_row
 from pirrht.problem import Problem
-from pirrht.steering.steering import CompiledSteering
+from pirrht.steering.steering import CompiledSteering, Steering
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
 
@@ -162,6 +162,7 @@ class Dubins(CompiledSteering):
 
     V: float = 1.0  # speed [m/s]
     rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho
+    tightness: float = 1.0  # by which curves turn tighter: |u| reaches so much
 
     n = 3
     heading = 2
@@ -172,7 +173,7 @@ class Dubins(CompiledSteering):
     moves = 8
 
     def __post_init__(self) -> None:
-        check_positive(self, "V", "rho")
+        check_positive(self, "V", "rho", "tightness")
 
     @classmethod
     def of(cls, problem: Problem) -> Dubins:
@@ -182,7 +183,7 @@ class Dubins(CompiledSteering):
             raise OptionError(f"Dubins curves steer a Unicycle, not {type(car).__name__}; bring a Steering")
         return cls(V=car.V, rho=car.rho)
 
-    radius = property(lambda self: self.V * self.rho, doc="Least turning radius [m].")
+    radius = property(lambda self: self.V * self.rho / self.tightness, doc="Least turning radius [m].")
     speed = property(lambda self: self.V, doc="The constant V [m/s].")
     cost_per_meter = property(lambda self: 1.0 / self.V, doc="Time per meter: cost is time [s/m].")
 
@@ -192,8 +193,14 @@ class Dubins(CompiledSteering):
         return self.radius, self.cost_per_meter
 
     def controls(self, heading: Array, curvature: Array) -> Array:
-        """u = curvature V rho, (l, 1), at most 1 in magnitude, for heading (l,) [rad] and curvature (l,) [1/m]."""
-        return np.asarray(np.clip(curvature * self.radius, -1.0, 1.0)[:, None])
+        """u = curvature V rho, (l, 1), at most `tightness`, for heading (l,) [rad] and curvature (l,) [1/m]."""
+        return np.asarray(np.clip(curvature * self.V * self.rho, -self.tightness, self.tightness)[:, None])
+
+    @property
+    def alternatives(self) -> tuple[Steering, ...]:
+        """Curves that turn tighter, as the system can at a price: often the only ones that can turn one way."""
+        tighter = TUNING.tightness if self.tightness == 1.0 else ()
+        return tuple(replace(self, tightness=one) for one in tighter)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """A state (3,), uniform in the workspace [m] and in heading [rad]."""

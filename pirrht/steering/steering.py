@@ -68,6 +68,11 @@ class Steering(ABC):
         return ()
 
     @property
+    def alternatives(self) -> tuple["Steering", ...]:
+        """Return methods for the same vertices whose paths lead to other local optima of a class; here none."""
+        return ()
+
+    @property
     def kernels(self) -> SteeringKernels | None:
         """Return the kernels by which trees grow in compiled code; here None: they grow in Python."""
         return None

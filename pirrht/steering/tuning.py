@@ -8,6 +8,9 @@ class SteeringTuning(NamedTuple):
 
     # Headings at the goal point from which a tree of poses starts. More of them cost vertices; 16 leave 11 degrees.
     root_headings: int = 16
+    # By which curves that guides start from turn tighter than references: the first finds most other optima of a disc,
+    # the second those of a rectangle that turns in its own length.
+    tightness: tuple[float, ...] = (3.0, 7.0)
     # Headings at the goal point of a robot with corners that turns on the spot: what arrives there turns no more.
     arrivals: int = 4
     # Share of the poses drawn for such a robot, and headings tried, that are turned to the most clearance.

@@ -1,9 +1,9 @@
-"""The value of the car at random states of open random scenes against a million samples of small steps.
+"""Value and control of the car at random states of open random scenes against a million samples of small steps.
 
-The car's exact grid cannot resolve little noise, so truth is sampled: in parts, with steps of FINE, and v from the
-mean of their psi, which is unbiased; its error is the scatter of the parts. A million samples of default steps tell
-what the steps do; plans of default size what few samples do besides. Plans are compared with
-truth ("in 1" to "over 3"), and with a million samples of their own steps ("own in 2", "over 3"). States without a
+The car's exact grid cannot resolve little noise, so truth is sampled: in parts, with steps of FINE, v from the mean of
+their psi, which is unbiased, and u from their mean weighted by psi; errors are the scatter of the parts. A million
+samples of default steps tell what the steps do; plans of default size what few samples do besides. Plans are compared
+with truth ("in 1" to "over 3"), and with a million samples of their own steps ("own in 2", "over 3"). States without a
 reference are left out, and those where truth has fewer than ENOUGH effective samples are counted, not judged.
 """
 
@@ -29,6 +29,8 @@ FINE = 0.02  # [s]
 MANY, PARTS = 1_000_000, 10
 ENOUGH = 100.0
 HEADER = ["b, scene", "states", "unclear", "plans", "in 1", "in 2", "over 3", "own in 2", "over 3"]
+PARTLY = ("1", "2", "3", "_own2", "_own3")  # of the columns of v, and of u
+HEADER += ["u in 1", "in 2", "over 3", "own in 2", "over 3"]
 HEADER += ["bias", "its s.e.", "rms", "s.e.", "steps' bias", "its s.e.", "worst", "in s.e.", "ESS", "none", "ms"]
 
 
@@ -80,52 +82,58 @@ def _record(scenario: Scenario, tree: HomologyTree, x: Array, plans: int) -> dic
 
 
 def _many(scenario: Scenario, tree: HomologyTree, x: Array) -> dict[str, float]:
-    """v of a million samples at x (3,) in parts, its standard error by their scatter, and effective samples."""
+    """v and u of a million samples at x (3,) in parts, standard errors by their scatter, and effective samples."""
     H = max(1, len(tree.references(x)))
     controller = controller_of(scenario.with_settings(samples=max(1, MANY // (PARTS * H))), tree)
-    logs, ess, lam = [], 0.0, scenario.problem.temperature
+    logs, controls, ess, lam = [], [], 0.0, scenario.problem.temperature
     for _ in range(PARTS):
         controller.begin(x)
         e = controller.plan(x).estimate
         logs.append(-np.inf if e is None else e.log_psi)
+        controls.append(0.0 if e is None else float(e.control[0]))
         ess += 0.0 if e is None else e.ess
     top = max(logs)
     if not np.isfinite(top):
-        return {"v": np.inf, "v_error": np.inf, "ess": 0.0}
+        return {"v": np.inf, "v_error": np.inf, "u": 0.0, "u_error": np.inf, "ess": 0.0}
     psi = np.exp(np.array(logs) - top)
+    share = psi / psi.sum()
+    u = float(share @ controls)
+    off = float(np.sqrt(np.sum((share * (np.array(controls) - u)) ** 2)))
     error = lam * float(psi.std(ddof=1) / psi.mean()) / np.sqrt(PARTS)
-    return {"v": -lam * (top + float(np.log(psi.mean()))), "v_error": error, "ess": ess}
+    return {"v": -lam * (top + float(np.log(psi.mean()))), "v_error": error, "u": u, "u_error": off, "ess": ess}
+
+
+def _scores(states: list[dict[str, Any]], key: str, steps: str) -> Array:
+    """How far plans are off truth by their steps, in errors of both."""
+    return np.concatenate([
+        [abs(np.ravel(p[key])[0] - s[steps][key]) / np.hypot(np.ravel(p[f"{key}_error"])[0], s[steps][f"{key}_error"])
+         for p in s["plans"]]
+        for s in states
+    ])  # fmt: skip
 
 
 def summary(states: list[dict[str, Any]]) -> dict[str, Any]:
     """Coverage, where truth's own error is allowed for, biases and errors of v [cost]; truth must be clear."""
     clear = [s for s in states if s["plans"] and s["fine"]["ess"] >= ENOUGH]
     unclear = len(states) - len(clear)
-    counts = {"states": len(states), "unclear": unclear, "without": sum(s["without"] for s in states)}
+    counts: dict[str, Any] = {"states": len(states), "unclear": unclear, "without": sum(s["without"] for s in states)}
     if not clear:
         return counts
     v, claim = ([np.array([p[key] for p in s["plans"]]) for s in clear] for key in ("v", "v_error"))
     true, unsure = (np.array([s["fine"][key] for s in clear]) for key in ("v", "v_error"))
     off = [a - t for a, t in zip(v, true, strict=True)]
-    own, score = (
-        np.concatenate([
-            np.abs(a - s[steps]["v"]) / np.hypot(c, s[steps]["v_error"])
-            for a, c, s in zip(v, claim, clear, strict=True)
-        ])
-        for steps in ("coarse", "fine")
-    )  # fmt: skip
+    for key in "vu":
+        own, score = (_scores(clear, key, steps) for steps in ("coarse", "fine"))
+        counts |= {f"{key}1": float(np.mean(score <= 1)), f"{key}2": float(np.mean(score <= 2))}
+        counts |= {f"{key}3": float(np.mean(score > 3))}
+        counts |= {f"{key}_own2": float(np.mean(own <= 2)), f"{key}_own3": float(np.mean(own > 3))}
     bias, n = np.array([o.mean() for o in off]), np.array([len(o) for o in off])
     error = np.hypot(unsure, [o.std() / np.sqrt(k) for o, k in zip(off, n, strict=True)])
     worst = int(np.argmax(np.abs(bias) / error))
     steps = np.array([s["coarse"]["v"] for s in clear]) - true
     steps_error = np.hypot(unsure, [s["coarse"]["v_error"] for s in clear])
     return counts | {
-        "plans": len(score),
-        "v1": float(np.mean(score <= 1)),
-        "v2": float(np.mean(score <= 2)),
-        "v3": float(np.mean(score > 3)),
-        "own2": float(np.mean(own <= 2)),
-        "own3": float(np.mean(own > 3)),
+        "plans": sum(len(s["plans"]) for s in clear),
         "bias": float(bias.mean()),
         "bias_error": _of_mean(error),
         "rms": float(np.sqrt(np.mean(np.concatenate(off) ** 2))),
@@ -147,7 +155,7 @@ def _text(row: dict[str, Any]) -> list[str]:
     if "v1" not in row:
         return [*cells, *[""] * (len(HEADER) - 5), str(row["without"]), ""]
     return [
-        *cells, str(row["plans"]), *(f"{100 * row[key]:.1f}" for key in ("v1", "v2", "v3", "own2", "own3")),
+        *cells, str(row["plans"]), *(f"{100 * row[key + part]:.1f}" for key in "vu" for part in PARTLY),
         f"{row['bias']:+.5f}", f"{row['bias_error']:.5f}", f"{row['rms']:.5f}", f"{row['claim']:.5f}",
         f"{row['steps']:+.5f}", f"{row['steps_error']:.5f}", f"{row['worst']:+.5f}",
         f"{row['worst_over_error']:.1f}", f"{row['ess']:.1f}", str(row["without"]), f"{row['ms']:.1f}",

@@ -1,12 +1,14 @@
 """A unicycle of 1 m x 0.4 m at random states of random rooms, whose wall has a gap that one direction fits.
 
-Plans are compared with the exact solution on (x, y, heading): the share of v and of u within one and two of the
-standard errors that the same plan claims, and beyond three. Biases are means over states, with the scatter of the
-states as their standard errors; that of u is along u*.
+A disc as wide goes through the same rooms. Plans are compared with the exact solution on (x, y, heading): the share of
+v and of u within one and two of the standard errors that the same plan claims, and beyond three. The grid's own error,
+the difference between the default spacing and half of it, as if of first order, is added in quadrature.
+Biases are means over states, with the scatter of the states as their standard errors; that of u is along u*.
 """
 
 import argparse
 import time
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,8 @@ from pirrht import (
 )
 from pirrht.arrays import Array
 
-FOOTPRINT = Footprint.rectangle(1.0, 0.4)
+FOOTPRINTS = {"1 x 0.4": Footprint.rectangle(1.0, 0.4), "disc": Footprint.disc(0.2)}
+SPACINGS = (1.0, 0.5)  # of the exact solution, as shares of the default
 WIDTH, HEIGHT, WALL = 4.5, 3.0, 2.2  # of a room, and place of its wall [m]
 GAPS = (0.5, 0.7)  # widths of gaps [m]: less than the rectangle's length, or the diagonal of 1.08 m
 NOISES = (0.6,)
@@ -36,20 +39,20 @@ RHO = 0.5  # turning radius at 1 m/s [m]
 ROOMS, STATES, PLANS, SAMPLES, VERTICES = 6, 8, 10, 1000, 1500
 MARGIN = 0.05  # clearance of a state at least [m]
 HEADER = ["b, room", "states", "plans", "v in 1", "in 2", "over 3", "u in 1", "in 2", "over 3"]
-HEADER += ["v bias", "its s.e.", "u bias", "its s.e.", "ESS", "none", "exact s"]
+HEADER += ["v bias", "its s.e.", "u bias", "its s.e.", "ESS", "none", "grid", "exact s"]
 
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON."""
     states = []
-    for noise in options.noises or NOISES:
+    for noise, footprint in product(options.noises or NOISES, FOOTPRINTS):
         for seed in range(options.first_seed, options.first_seed + (options.scenes or ROOMS)):
-            states += _room(seed, noise, options.states or STATES, options.plans or PLANS)
+            states += _room(seed, noise, footprint, options.states or STATES, options.plans or PLANS)
     values = [{"noise": b, "room": name, **_summary(some)} for b, name, some in by_noise_and_scene(states)]
     return HEADER, [_text(row) for row in values], {"table": values, "states": states}
 
 
-def room(seed: int) -> Scene:
+def room(seed: int, footprint: Footprint) -> Scene:
     """A wall with a gap, and a box on either side."""
     rng = np.random.default_rng([seed, 62])
     width = rng.uniform(*GAPS)
@@ -60,15 +63,17 @@ def room(seed: int) -> Scene:
     y = rng.choice([0.2, HEIGHT - 0.2 - side])
     boxes.append((1.0, y, 1.0 + side, y + side))
     ends = {"start": start, "goal": goal, "upper": (WIDTH, HEIGHT)}
-    return Scene.from_boxes(boxes, lower=(0.0, 0.0), footprint=FOOTPRINT, **ends)
+    return Scene.from_boxes(boxes, lower=(0.0, 0.0), footprint=footprint, **ends)
 
 
-def _room(seed: int, noise: float, count: int, plans: int) -> list[dict[str, Any]]:
+def _room(seed: int, noise: float, name: str, count: int, plans: int) -> list[dict[str, Any]]:
     """Records of states of a room; each plan begins a drive of its own."""
-    problem = Problem(scene=room(seed), dynamics=Unicycle(V=1.0, rho=RHO, b=noise), R=np.eye(1), q=1.0)
+    car = Unicycle(V=1.0, rho=RHO, b=noise)
+    problem = Problem(scene=room(seed, FOOTPRINTS[name]), dynamics=car, R=np.eye(1), q=1.0)
     space = FreeSpace.of(problem.scene)
     began = time.perf_counter()
-    truth = Desirability.of(problem, space)
+    spacing = Desirability.spacing_for(problem, space)
+    truths = [Desirability.of(problem, space, spacing=share * spacing) for share in SPACINGS]
     seconds = time.perf_counter() - began
     tree = grown_tree(space, Dubins.of(problem), problem.scene.start, vertices=VERTICES, limit=0.8, seed=seed)
     rng = np.random.default_rng([seed, 63])
@@ -76,14 +81,16 @@ def _room(seed: int, noise: float, count: int, plans: int) -> list[dict[str, Any
     drawn = (x for x in rng.uniform(low, high, (400 * count, 3)) if space.clearance(x) > MARGIN)
     states = with_references(tree, (x for x in drawn if not problem.scene.goal.contains(x[:2])), count)
     controller = Controller(problem, space, tree, Sampling(samples=SAMPLES), rng=np.random.default_rng(seed))
-    return [{"scene": f"room{seed}", "noise": noise, "seconds": seconds, **_record(truth, controller, x, plans)}
-            for x in states]  # fmt: skip
+    of = {"scene": f"{name}, room{seed}", "noise": noise, "seconds": seconds}
+    return [of | _record(truths, controller, x, plans) for x in states]
 
 
-def _record(truth: Desirability, controller: Controller, x: Array, plans: int) -> dict[str, Any]:
+def _record(truths: list[Desirability], controller: Controller, x: Array, plans: int) -> dict[str, Any]:
     made = [plan for plan in (first_plan(controller, x) for _ in range(plans)) if plan is not None]
-    u = truth.control(x)
-    return {"x": x.tolist(), "v": float(truth.value(x)), "u": u.tolist(), "plans": made, "without": plans - len(made)}
+    coarse, fine = ({"v": float(truth.value(x)), "u": truth.control(x)} for truth in truths)
+    grid = {f"{key}_grid": np.abs(coarse[key] - fine[key]) for key in "vu"}
+    known = {key: np.asarray(one).tolist() for key, one in (fine | grid).items()}
+    return {"x": x.tolist(), "plans": made, "without": plans - len(made), **known}
 
 
 def _summary(states: list[dict[str, Any]]) -> dict[str, Any]:
@@ -91,12 +98,13 @@ def _summary(states: list[dict[str, Any]]) -> dict[str, Any]:
     found |= {"states": len(states), "plans": sum(len(s["plans"]) for s in some), "exact_s": states[0]["seconds"]}
     for key in "vu":
         off = [np.array([np.ravel(p[key]) for p in s["plans"]]) - np.ravel(s[key]) for s in some]
-        errors = [np.array([np.ravel(p[f"{key}_error"]) for p in s["plans"]]) for s in some]
+        errors = [np.hypot([np.ravel(p[f"{key}_error"]) for p in s["plans"]], s[f"{key}_grid"]) for s in some]
         score = np.abs(np.concatenate(off)) / np.maximum(np.concatenate(errors), 1e-300)
         along = [o * (np.sign(s["u"]) if key == "u" else 1.0) for o, s in zip(off, some, strict=True)]
         bias = np.array([o.mean() for o in along])
         found |= {f"{key}1": np.mean(score <= 1), f"{key}2": np.mean(score <= 2), f"{key}3": np.mean(score > 3)}
         found |= {f"{key}_bias": bias.mean(), f"{key}_bias_error": bias.std() / np.sqrt(len(bias))}
+    found["grid"] = np.median([s["v_grid"] for s in some])
     found["ess"] = np.median([p["ess"] for s in some for p in s["plans"]])
     return {name: float(value) for name, value in found.items()} | {"without": sum(s["without"] for s in states)}
 
@@ -105,5 +113,5 @@ def _text(row: dict[str, Any]) -> list[str]:
     shares = [f"{100 * row[f'{key}{k}']:.1f}" for key in "vu" for k in (1, 2, 3)]
     biases = [f"{row[f'{key}_bias{error}']:+.4f}" for key in "vu" for error in ("", "_error")]
     counts = [f"{row['states']:.0f}", f"{row['plans']:.0f}"]
-    ends = [f"{row['ess']:.0f}", str(row["without"]), f"{row['exact_s']:.0f}"]
+    ends = [f"{row['ess']:.0f}", str(row["without"]), f"{row['grid']:.4f}", f"{row['exact_s']:.0f}"]
     return [f"{row['noise']:g}, {row['room']}", *counts, *shares, *biases, *ends]

@@ -1,15 +1,16 @@
 """Effective samples of all plans of drives: robots in built-in scenes, worlds of BARN, and scenes that a seed grows.
 
 The worlds of BARN are those of a folder next to the repository, if it is there. A row is one robot in one scene, or in
-all worlds of a kind; the last row of a robot is all of its plans. With --robot or --scene there is only that; --seeds
-is of drives through each built-in scene.
+all worlds of a kind; the last row of a robot is all of its plans. With --robot or --scene there is only that, of
+--scene BARN so many worlds (--scenes); --seeds is of drives through each built-in scene. With --shapes the robot has
+each of these in turn: footprints, or radii of discs [m].
 """
 
 import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import groupby
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from benchmarks.pool import spread
 from worlds import grown
 from worlds.page import Page, drum
 
+from pirrht.errors import NoReference, SceneError
 from pirrht.estimation.sampling import TUNING
 from sim.scenario import Scenario, prepare
 
@@ -39,10 +41,14 @@ class Drive(NamedTuple):
     kind: str  # of the table's row
     scene: str
     seed: int
+    shape: str | None = None  # its own, a footprint, or the radius of a disc [m]
 
     def scenario(self, **given: Any) -> Scenario:
         """Prepare it."""
         given = {"robot": self.robot, "seed": self.seed, **given}
+        if self.shape is not None:
+            round_ = self.shape.replace(".", "").isdecimal()
+            given |= {"radius": float(self.shape)} if round_ else {"footprint": self.shape}
         if self.kind == self.scene:
             return prepare(self.scene, **given)
         page = GROWN[self.scene]() if self.kind == "grown" else world(self.scene)
@@ -63,23 +69,29 @@ def world(number: str) -> Page:
 
 def drives(options: argparse.Namespace) -> Iterator[Drive]:
     """Yield the drives that are asked for."""
-    for robot in [options.robot] if options.robot else ROBOTS:
+    for robot, shape in product([options.robot] if options.robot else ROBOTS, options.shapes or [None]):
         seeds = range(options.first_seed, options.first_seed + min(options.seeds, SEEDS))
         for scene in [options.scene] if options.scene else SCENES:
-            yield from (Drive(robot, scene, scene, seed) for seed in seeds)
+            yield from (Drive(robot, scene, scene, seed, shape) for seed in seeds if scene != "BARN")
+        if options.scene in (None, "BARN"):
+            worlds = list(json.loads(BARN.read_text()))[:: 50 // (options.scenes or WORLDS)] if BARN.exists() else []
+            yield from (Drive(robot, "BARN", number, options.first_seed, shape) for number in worlds)
         if options.scene is None:
-            worlds = list(json.loads(BARN.read_text()))[:: 50 // WORLDS] if BARN.exists() else []
-            yield from (Drive(robot, "BARN", number, options.first_seed) for number in worlds)
-            yield from (Drive(robot, "grown", name, options.first_seed) for name in GROWN)
+            yield from (Drive(robot, "grown", name, options.first_seed, shape) for name in GROWN)
 
 
 def figures(drive: Drive) -> dict[str, Any]:
     """Drive once; return the figures of `run`, effective samples of each plan, and the median control step [ms]."""
-    scenario, sizes, seconds = drive.scenario(), [], []
-    for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
-        seconds.append(frame.plan_seconds)
-        if frame.plan.estimate is not None:
-            sizes.append(frame.plan.estimate.ess)
+    sizes, seconds = list[float](), list[float]()
+    try:
+        scenario = drive.scenario()
+        for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+            seconds.append(frame.plan_seconds)
+            if frame.plan.estimate is not None:
+                sizes.append(frame.plan.estimate.ess)
+    except (NoReference, SceneError) as error:
+        nothing = {"cost": np.nan, "steps": 0, "doubtful_plans": 0, "least_ess": None, "ess": [], "step_ms": np.nan}
+        return {**drive._asdict(), "outcome": f"no path: {error}", **nothing}
     m = frame.metrics
     return {
         **drive._asdict(), "outcome": m.outcome, "cost": m.cost, "steps": m.steps, "doubtful_plans": m.doubtful_plans,
@@ -90,13 +102,14 @@ def figures(drive: Drive) -> dict[str, Any]:
 def row(robot: str, kind: str, found: Sequence[dict[str, Any]]) -> list[str]:
     """A row of the table."""
     arrived = [one for one in found if one["outcome"] == "goal"]
-    plans, sizes = sum(one["steps"] for one in found), np.concatenate([one["ess"] for one in found])
+    plans, sizes = sum(one["steps"] for one in found) or 1, np.concatenate([one["ess"] for one in found])
+    kind = kind if found[0]["shape"] is None else f"{kind}, {found[0]['shape']}"
     costs = f"{np.mean([one['cost'] for one in arrived]):.3f}" if arrived else "-"
     doubtful = 100.0 * sum(one["doubtful_plans"] for one in found) / plans
     return [
         robot, kind, str(len(found)), str(len(arrived)), str(plans), f"{doubtful:.1f} %",
         *([f"{np.median(sizes):.0f}", f"{sizes.min():.1f}"] if len(sizes) else ["-", "-"]), costs,
-        f"{np.median([one['step_ms'] for one in found]):.1f}",
+        f"{np.nanmedian([one['step_ms'] for one in found]):.1f}",
     ]  # fmt: skip
 
 
@@ -104,7 +117,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     """Header, table and JSON; a plan is doubtful below TUNING.few effective samples."""
     table = list[list[str]]()
     found = list(spread(figures, list(drives(options)), options.workers, "drives"))
-    for robot, of_robot in groupby(found, lambda one: str(one["robot"])):
+    for (robot, _), of_robot in groupby(found, lambda one: (str(one["robot"]), one["shape"])):
         mine = list(of_robot)
         table += [row(robot, kind, list(some)) for kind, some in groupby(mine, lambda one: str(one["kind"]))]
         table.append(row(robot, "all", mine))

@@ -29,7 +29,7 @@ PRESETS = {
 }
 FORM = f"LENGTHxWIDTH[@OFFSET] in m, as in 1.0x0.4 or 4.5x1.8@1.35, or one of {', '.join(PRESETS)}"
 _NUMBER = r"(\d+\.?\d*|\.\d+)"
-_TEXT = re.compile(rf"{_NUMBER}x{_NUMBER}(?:@([+-]?{_NUMBER}))?")
+_TEXT = re.compile(rf"{_NUMBER}[xX]{_NUMBER}(?:@([+-]?{_NUMBER}))?")
 _GEOM = mujoco.mjtGeom
 Span = tuple[float, float]  # least and greatest height [m]
 _RING = 32  # corners around what is round

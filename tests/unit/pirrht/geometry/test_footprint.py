@@ -1,6 +1,7 @@
 """Footprints with a heading: their cover by discs, clearances against FCL, and certificates of motions."""
 
 from dataclasses import replace
+from typing import Any
 
 import fcl
 import numpy as np
@@ -66,11 +67,14 @@ def fcl_contacts(world: Workspace, footprint: Footprint, poses: np.ndarray) -> n
         ([(1, 0), (2, 0), (2, 1)], "reference point"),
         ([(1, -1), (1, 1), (1, 1), (-1, 1), (-1, -1)], "the same"),
         ([(1e4, -1), (1, 1), (-1, 1)], "at most 1000 m"),
+        ([(1, -1), (1, 0), (1, 1), (-1, 1), (-1, -1)], "straight at a corner"),
+        ([(np.nan, -1), (1, 1), (-1, 1)], "no polygon"),
     ],
 )
-def test_what_is_no_convex_polygon_around_the_reference_point_is_refused(points: object, says: str):
+@pytest.mark.parametrize("make", [Footprint.polygon, Footprint])
+def test_what_is_no_convex_polygon_around_the_reference_point_is_refused(make: Any, points: object, says: str):
     with pytest.raises(SceneError, match=says):
-        Footprint.polygon(points)
+        make(points)
 
 
 def test_a_scene_takes_a_radius_or_a_footprint_whose_inscribed_disc_it_then_plans_with():
@@ -81,6 +85,8 @@ def test_a_scene_takes_a_radius_or_a_footprint_whose_inscribed_disc_it_then_plan
     assert (cart.robot_radius, cart.footprint.height) == (CART.inscribed, 0.3)
     with pytest.raises(SceneError, match="robot radius"):
         Scene.from_boxes([], **room)
+    with pytest.raises(SceneError, match="give one of them"):
+        Scene.from_boxes([], robot_radius=0.2, footprint=CART, **room)
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=repr)

@@ -5,6 +5,7 @@ Statistical tests compare a mean over independent samples or seeds with the exac
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from discs import disc, scene_of
 from guides import best, valid
 from trees import grown
 
-from pirrht import Dubins, FreeSpace, Problem, Sampling, Unicycle, path_integral
+from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, Unicycle, path_integral
 from pirrht.steering.motion import Trajectory, running_cost
 
 Found = tuple[Trajectory, tuple[int, ...]]
@@ -154,3 +155,21 @@ def test_a_course_that_high_prices_of_walls_lead_astray_is_begun_anew_at_the_tru
 
     monkeypatch.setattr(guidance, "optimise", lost)
     assert valid(integral, x, times, winding, trajectory).penalised == pytest.approx(expected.penalised, rel=1e-3)
+
+
+def test_a_unicycle_turns_tighter_than_its_references_where_walls_leave_no_other_way_to_turn():
+    """Next to the gap of a wall, less is left to turn, and to pay, from heading to heading; references turn away."""
+    walls = [(1.0, -3.0, 1.1, -0.35), (1.0, 0.35, 1.1, 3.0)]
+    start = (0.55, 0.0, -2.0)
+    scene = Scene.from_boxes(walls, lower=(-1.5, -2.0), upper=(3.0, 2.0), robot_radius=0.2, start=start,
+                             goal=(2.5, 0.0, 0.3))  # fmt: skip
+    problem = Problem(scene=scene, dynamics=Unicycle(rho=0.5, b=0.4), R=np.eye(1))
+    space = FreeSpace.of(scene)
+    tree = grown(space, Dubins.of(problem), 400)
+    controller = Controller(problem, space, tree, Sampling(samples=200), rng=np.random.default_rng(1))
+    estimates = []
+    for heading in (-2.2, -2.0, -1.8):
+        controller.begin(np.array([0.55, 0.0, heading]))
+        estimates.append(controller.plan(np.array([0.55, 0.0, heading])).estimate)
+    assert all(a.value > b.value + 0.1 for a, b in pairwise(estimates))
+    assert all(one.control[0] > 2.0 for one in estimates)
