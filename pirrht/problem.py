@@ -111,19 +111,18 @@ class Problem:
 
     def clearance_spread(self, x: Array) -> float:
         """Deviation that noise gives the clearance of the footprint at x (n,) at most [m/sqrt(s)]."""
-        d, footprint = self.dynamics, self.scene.footprint
-        swing = 0.0 if footprint.is_disc else footprint.reach * d.heading_spread(x)
-        return d.position_spread(x) + swing
+        swing = 0.0 if self.scene.footprint.is_disc else self.scene.footprint.reach * self.dynamics.heading_spread(x)
+        return self.dynamics.position_spread(x) + swing
 
     def _temperature(self) -> float:
         """The scalar lambda of `lambda G R^-1 G' = B B'`, or of `lambda R^-1 = s s'`; else NotLinearlySolvable."""
-        value, d, name = np.nan, self.dynamics, type(self.dynamics).__name__
+        value, name = np.nan, type(self.dynamics).__name__
         left, right, remedy = "G R^-1 G'", "B B'", "G' (B B')^-1 G"
-        if d.input_form:
+        if self.dynamics.input_form:
             left, right, remedy = "R^-1", "s s'", "(s s')^-1"
         for x in self._probes():
             R = self.control_cost(x)
-            G, B = d.noise_form(x)
+            G, B = self.dynamics.noise_form(x)
 
             if not (np.allclose(R, R.T) and np.linalg.eigvalsh(R).min() > 0.0):
                 raise OptionError(f"R is {R.tolist()} at x = {x.tolist()}; it must be symmetric and positive definite")
@@ -149,7 +148,9 @@ class Problem:
         count = 1 if self.dynamics.constant and not callable(self.R) else 16
         lower, upper = self.dynamics.box(self.scene)
         fraction = np.tile(np.linspace(0.0, 1.0, count)[:, None], self.dynamics.n)
-        fraction[:, :2] = (np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])) % 1.0
+        fraction[:, list(self.dynamics.position)] = (
+            np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])
+        ) % 1.0
         return list(lower + fraction * (upper - lower))
 
 

@@ -18,7 +18,7 @@ from pirrht.plotting import maps
 from pirrht.plotting.colors import ClassColors, Color, rgb
 from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.colors import NAMED, labels, passing, title
-from sim.drawing.strokes import headed, rings, timed
+from sim.drawing.strokes import along_reference, rings, timed
 from sim.files import replaced
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     rows = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
     for reference in references if not scene.body.is_disc else ():
-        poses = headed(reference.trajectory.points, GHOSTS + 1)[1:]  # the start is drawn already
+        poses = along_reference(tree, reference.path, GHOSTS + 1)[1:]  # the start is drawn already
         outlined(axes, rings(scene.body, poses), colors[reference.id], 0.8, zorder=5)
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
     lines = [r.trajectory.points for r in references]

@@ -113,8 +113,8 @@ class Mppi(Policy):
 
     def __repr__(self) -> str:
         scene, of = formatting.name(self.space.scene.name), type(self.problem.dynamics).__name__
-        samples, horizon = self.path_integral.sampling.samples, float(self.times[-1])
-        return f"Mppi(for a {of} in {scene}: {samples} samples, horizon {horizon:.3g} s)"
+        horizon = float(self.times[-1])
+        return f"Mppi(for a {of} in {scene}: {self.path_integral.sampling.samples} samples, horizon {horizon:.3g} s)"
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far; a new one starts at x (n,) at a time [s], from controls of zero (T, m)."""

@@ -77,8 +77,7 @@ class Brake:
         angles = 2.0 * np.pi * np.arange(s.directions) / s.directions
         for ring in s.rings:
             for angle in angles if ring > 0.0 else angles[:1]:
-                place = spot + ring * np.array([np.cos(angle), np.sin(angle)])
-                yield partial(self._brake, place)
+                yield partial(self._brake, spot + ring * np.array([np.cos(angle), np.sin(angle)]))
 
     def _brake(self, place: Array, x: Array, _: float) -> Array:
         return np.asarray(self.problem.dynamics.brake(x, place, self.settings.within))

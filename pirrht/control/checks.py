@@ -22,7 +22,7 @@ def refuse_misfits(sampling: Any, propose: Any, backend: Any, rng: Any) -> None:
         ("sampling", sampling, isinstance(sampling, Sampling), "a Sampling"),
         ("propose", propose, functions, "a sequence of functions (x, default) that return a proposal or None"),
         ("backend", backend, backend is None or isinstance(backend, Backend),
-         "None, or have the methods sample, trace, controls and replay of a Backend"),
+         "None, or have the methods sample and replay of a Backend"),
         ("rng", rng, isinstance(rng, np.random.Generator), "a generator, such as np.random.default_rng(0)"),
     ):  # fmt: skip
         if not fits:

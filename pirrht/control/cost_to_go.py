@@ -45,14 +45,13 @@ def shortest_paths(space: FreeSpace) -> Remaining:
     scene = space.scene
 
     lower = scene.lower.astype(float)
-    goal = scene.goal
     span = (scene.upper - scene.lower).astype(float)
 
     spacing = max(TUNING.path_radii * scene.robot_radius, math.sqrt(float(np.prod(span)) / TUNING.path_points))
     points = lower + spacing * lattice(*(np.ceil(span / spacing - 1e-9).astype(int) + 1))
     shape = points.shape[:2]
     free = np.empty(math.prod(shape))
-    away = np.hypot(*np.moveaxis(points - goal.center, -1, 0)) - goal.radius
+    away = np.hypot(*np.moveaxis(points - scene.goal.center, -1, 0)) - scene.goal.radius
     clearances(space.field, points.reshape(-1, 2), free)
     passable = free.reshape(shape) > -0.5 * spacing  # so that no passage falls between the points
     known = passable & (away < 2.0 * spacing)

@@ -37,8 +37,7 @@ class HeldLaw:
     @classmethod
     def of(cls, law: Law, walls: WallDrift, step: float, x: Array) -> Self:
         """Limit a law that is held for a step [s] near x (n,)."""
-        deviation = walls.problem.clearance_spread(x) * math.sqrt(step)
-        return cls(law=law, walls=walls, step=step, deviation=deviation)
+        return cls(law=law, walls=walls, step=step, deviation=walls.problem.clearance_spread(x) * math.sqrt(step))
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""

@@ -1,7 +1,5 @@
 """Interface of all policies."""
 
-from __future__ import annotations
-
 import reprlib
 import warnings
 from abc import ABC, abstractmethod
@@ -120,11 +118,10 @@ class Policy(ABC):
         """
         x = self._checked(x)
         last = self.run.queried
-        scene = self.space.scene
         place = self.problem.dynamics.place(x)
         for lost, where in (
-            (scene.goal.contains(place), "already in the goal"),
-            (not scene.world.contains(place), "outside the workspace"),
+            (self.space.scene.goal.contains(place), "already in the goal"),
+            (not self.space.scene.world.contains(place), "outside the workspace"),
         ):
             if lost:
                 raise OptionError(

@@ -93,8 +93,7 @@ class ConstantVelocity:
 def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
     """Return an obstacle of constant velocity from a time on, up to the horizon [s], on a clock that starts then."""
     pose = np.array(mover.motion.pose_at(time))
-    velocity = mover.motion.velocity(time)
-    rows = np.array([[0.0, *pose], [horizon, *(pose + horizon * velocity)]])
+    rows = np.array([[0.0, *pose], [horizon, *(pose + horizon * mover.motion.velocity(time))]])
     return replace(mover, motion=Motion(rows=rows))
 
 

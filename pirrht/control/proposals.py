@@ -53,9 +53,8 @@ class ProposalBuilder:
     @property
     def learns(self) -> bool:
         """Check whether laws are fitted to samples."""
-        guidance = self.integral.guidance
         constant = self.integral.proposals.traits.constant_gain
-        follows = guidance is not None and not guidance.gated and constant
+        follows = self.integral.guidance is not None and not self.integral.guidance.gated and constant
         return follows and self.settings.use.mixes
 
     def draft(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Draft:
@@ -92,10 +91,10 @@ class ProposalBuilder:
         self, x: Array, times: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget
     ) -> list[tuple[ProposalControl, int]]:
         """Return the default proposal of each class from x (n,), and its number of samples."""
-        integral, guidance, samples = self.integral, self.integral.guidance, self.integral.sampling.samples
-        allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
+        guidance, samples = self.integral.guidance, self.integral.sampling.samples
+        allocates = self.settings.use.mixes and self.integral.sampling.allocation == "contribution"
         trajectories, classes = [one.trajectory for one in references], from_start(run, references)
-        controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
+        controls = self.integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
         predicted = [one.promise for one in controls]
         worth = [one.follows for one in controls]
         counts = [samples] * len(classes)

@@ -17,9 +17,9 @@ def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuni
     """Grow a tree in space and time for a run from x (n,) at a time [s], unless it was grown for that."""
     if tree is None or not tree.steering.timed:
         return
-    scene, here = tree.space.scene, tree.at(x, time)
-    origin = np.array([*scene.start[:2], 0.0]) if tree.origin is None else tree.origin
-    if np.hypot(*(here[:2] - origin[:2])) > scene.robot_radius or abs(here[2] - origin[2]) > tuning.elsewhen:
+    here = tree.at(x, time)
+    origin = np.array([*tree.space.scene.start[:2], 0.0]) if tree.origin is None else tree.origin
+    if np.hypot(*(here[:2] - origin[:2])) > tree.space.scene.robot_radius or abs(here[2] - origin[2]) > tuning.elsewhen:
         tree.aim(here)
         tree.grow(tree.size + tuning.regrowth)
 
@@ -28,11 +28,11 @@ def extract_references(
     tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
 ) -> list[Reference]:
     """Return the references at x (n,), cheapest first: those of the tree (Algorithm 5), and those left from guides."""
-    method, starts = settings.use, run.starts
+    method = settings.use
     if tree is None or method.most == 0:
         return []
     driven = run.route.path.winding()
-    before = {integers(np.subtract(whole, driven)): path for whole, path in starts.paths.items()}
+    before = {integers(np.subtract(whole, driven)): path for whole, path in run.starts.paths.items()}
     try:
         found = tree.references(
             tree.at(x, run.now), shortened=settings.shortened, before=before, over_budget=budget.short,
@@ -44,11 +44,11 @@ def extract_references(
         if not run.planned and tree.too_fast(x):
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
         raise
-    if not starts.optima:
+    if not run.starts.optima:
         found = tree.with_alternatives(tree.at(x, run.now), found, threads)
     classes = from_start(run, found)
     paths = {one: reference.path for one, reference in zip(classes, found, strict=True)}
-    starts.keep_paths(paths, all_of_them=run.effort.most is None)
+    run.starts.keep_paths(paths, all_of_them=run.effort.most is None)
     if method.most is not None:
         return found[: method.most][: run.effort.most]
     found += _remaining_guides(tree, x, run, classes)

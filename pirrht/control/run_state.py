@@ -1,7 +1,5 @@
 """State of a run: values with one owner each, which change by their own methods alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -96,7 +94,7 @@ class WarmStarts:
         self.fits = {}
         self.sampled = set()
 
-    def renamed(self, heirs: Mapping[ClassFromStart, ClassFromStart]) -> WarmStarts:
+    def renamed(self, heirs: Mapping[ClassFromStart, ClassFromStart]) -> "WarmStarts":
         """Return what remains among other obstacles, by present classes of paths that are free."""
         sampled = {heirs[one] for one in self.sampled & heirs.keys()}
         return WarmStarts(kept(self.paths, heirs), kept(self.optima, heirs), kept(self.fits, heirs), sampled)
@@ -151,7 +149,7 @@ class ClassShares:
         self.allocation = Allocation()
         self.mixture = None
 
-    def renamed(self, names: Mapping[str, str]) -> ClassShares:
+    def renamed(self, names: Mapping[str, str]) -> "ClassShares":
         """Return what remains among other obstacles, by present names of classes whose paths are free."""
         allocation = Allocation(kept(self.allocation.contribution, names), kept(self.allocation.shares, names))
         return ClassShares(allocation, followed=names.get(self.followed or ""))
@@ -187,7 +185,7 @@ class PlanEffort:
         """Take what a plan drew, in multiples of its own, off what is saved; None: it drew all, in vain."""
         self.saved = 0.0 if drawn is None else max(0.0, self.saved + 1.0 - drawn)
 
-    def renewed(self) -> PlanEffort:
+    def renewed(self) -> "PlanEffort":
         """Return what remains among other obstacles."""
         return PlanEffort(self.most, self.fitting)
 
@@ -237,7 +235,7 @@ class Route:
         """Continue from x (n,) at a time [s] under another prediction; the class of the path ahead keeps its name."""
         before = self.prediction
         offset = np.zeros(0)
-        path = np.array([[*x[:2], time]])
+        path = after.homology.at(x, time)[None]
 
         if before is not None:
             if self.favourite is not None:
@@ -266,7 +264,7 @@ class RunState:
     halt: Halt | None = None  # brake that the robot waits by; None: it is not blocked
 
     @classmethod
-    def begin(cls, homology: Signature, x: Array, time: float, movers: tuple[Mover, ...]) -> RunState:
+    def begin(cls, homology: Signature, x: Array, time: float, movers: tuple[Mover, ...]) -> "RunState":
         """Begin a run from x (n,) at a time [s] of the moving obstacles' clock."""
         return cls(Clock(time, begun=time, known=time), Route(homology, Driven(homology, x, time), movers))
 

@@ -7,8 +7,6 @@ it. Two proposals of one class reach each other's paths, so they share its sampl
 counts are fixed before the samples of a plan are drawn, so the estimate of psi stays unbiased.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -98,7 +96,7 @@ class Estimate:
     survivors: int
     rollouts: Rollouts
     parts: tuple[Rollouts, ...]
-    walls: NearWalls
+    walls: "NearWalls"
     classes: Mapping[int, str] = field(default_factory=dict)
 
     @property
@@ -160,7 +158,7 @@ def all_samples(parts: Sequence[Rollouts]) -> tuple[Paths, Array, IntArray]:
 
 
 def weigh(
-    problem: Problem, parts: Sequence[Rollouts], walls: NearWalls, classes: Mapping[int, str] | None = None
+    problem: Problem, parts: Sequence[Rollouts], walls: "NearWalls", classes: Mapping[int, str] | None = None
 ) -> Estimate:
     """Weigh the samples: v and its error [cost], u (m,) and its error, and the share of every class in them.
 

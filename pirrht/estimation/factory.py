@@ -48,8 +48,8 @@ class ProposalFactory:
         self.world = world
         self.tuning = tuning
 
-        d, feedback = problem.dynamics, sampling.guide == "feedback"
-        start = d.state_of(problem.scene.start)
+        feedback = sampling.guide == "feedback"
+        start = problem.dynamics.state_of(problem.scene.start)
         self.traits = traits = Traits.of(problem)
         self.is_martingale = traits.is_martingale(world.setup.world.moving.kernels is not None)
         guided = feedback and DDPGuidance.suits(problem)
@@ -84,11 +84,11 @@ class ProposalFactory:
         classes of less than exp(-hopeless) of another's predicted psi get control sequences.
         """
         found: list[ProposalControl] = []
-        goal, most, decay = self.space.scene.goal.center, -math.inf, self.scales(x).decay
+        most, decay = -math.inf, self.scales(x).decay
         for trajectory in trajectories:
             least, control = most - self.tuning.hopeless if drops else -math.inf, None
             if self.climbs and -decay * trajectory.length >= least:  # log psi without walls
-                control = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal]))
+                control = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], self.space.scene.goal.center]))
             promise = -math.inf if control is None else control.promise
             worth = control is not None and promise >= least
             found.append(control if worth and control else Tape(times, trajectory.tape(times), promise))
@@ -144,9 +144,8 @@ class ProposalFactory:
 
     def _from_goal(self, places: Array) -> Array:
         """Return the distances of places (..., 2) [m] from the goal's disc, (...) [m], negative inside."""
-        world = self.world.setup.world
-        away = places - np.array(world.goal)
-        return np.asarray(np.hypot(away[..., 0], away[..., 1]) - world.radius)
+        away = places - np.array(self.world.setup.world.goal)
+        return np.asarray(np.hypot(away[..., 0], away[..., 1]) - self.world.setup.world.radius)
 
     def _set_back(self, x: Array) -> tuple[float, World]:
         """Return how far behind walls psi vanishes where exits are judged at the ends of steps [m], and that arena.
@@ -181,7 +180,6 @@ class ProposalFactory:
 
         H = len(batch.proposals)
         T = len(times) - 1
-        m = d.m
 
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
         scales, moving = self.scales(x), self.world.moving
@@ -193,7 +191,7 @@ class ProposalFactory:
         )
         least = max(self.tuning.least_step * self.sampling.dt, move**2 / scales.noise)  # shortest steps near walls [s]
         tables = ProposalTables(
-            control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
+            control=np.zeros((H, T, d.m)), drift=np.zeros((H, T, d.m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
             ways=no_tubes(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if drifts else 0.0,
             set_back=self.set_back, least=least if self.sampling.fitted else np.inf,

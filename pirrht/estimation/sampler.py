@@ -11,8 +11,6 @@ The first batch alone is an unbiased estimate of psi. A number of batches that d
 time limit does so as far as the time that samples take depends on their outcome.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -29,7 +27,7 @@ from pirrht.jit.jit import over_ranges
 from pirrht.outcome import Outcome
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.backend import Backend
-from pirrht.rollouts.tables import Chosen, Origin, Setup
+from pirrht.rollouts.tables import Origin, Setup
 
 if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
     from pirrht.estimation.factory import ProposalFactory
@@ -44,14 +42,14 @@ class Replay(NamedTuple):
 
     def trace(self, rollouts: Rollouts, chosen: IntArray) -> tuple[Array, IntArray]:
         """Return states (c, T+1, n) of chosen samples (c,), and the number of steps of each, (c,)."""
-        return self.backend.trace(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
+        return self._again(rollouts, chosen)[::2]
 
     def applied(self, rollouts: Rollouts, chosen: IntArray) -> tuple[Array, Array, IntArray]:
         """Return states (c, T+1, n) of chosen samples (c,), the a that steps apply (c, T, m) [1/sqrt(s)], steps (c,).
 
         The gain of the system is constant.
         """
-        states, controls, steps = self.backend.replay(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
+        states, controls, steps = self._again(rollouts, chosen)
         return states, controls @ rollouts.setup.gain.T, steps
 
     def tapes(self, rollouts: Rollouts, groups: Sequence[BoolArray]) -> tuple[Array, Array, Array]:
@@ -59,17 +57,27 @@ class Replay(NamedTuple):
 
         Returns weight times control (G, T, m), the weight still under way (G, T), and effective sample sizes (G,).
         """
+        _, T, m = rollouts.tables.control.shape
+        total = np.zeros((len(groups), T, m))
+        alive = np.zeros((len(groups), T))
         ess = np.zeros(len(groups))
         weight = np.zeros(rollouts.size)
-        group = np.full(rollouts.size, -1, dtype=np.int64)
 
         for g, mask in enumerate(groups):
             weight[mask], ess[g] = normalised(rollouts.log_weight[mask])
-            group[mask] = g
-        number = np.flatnonzero(weight > TUNING.negligible)
-        chosen = Chosen(number, group[number], weight[number])
-        controls = self.backend.controls(rollouts.setup, rollouts.tables, rollouts.origin, chosen, len(groups))
-        return *controls, ess
+        chosen = np.flatnonzero(weight > TUNING.negligible)
+        for start in range(0, len(chosen), TUNING.replayed):
+            number = chosen[start : start + TUNING.replayed]
+            _, applied, steps = self._again(rollouts, number)
+            under_way = np.where(np.arange(T) < steps[:, None], weight[number, None], 0.0)
+            for g, mask in enumerate(groups):
+                own = mask[number]
+                total[g] += np.sum(weight[number][own, None, None] * applied[own], axis=0)
+                alive[g] += np.sum(under_way[own], axis=0)
+        return total, alive, ess
+
+    def _again(self, rollouts: Rollouts, chosen: IntArray) -> tuple[Array, Array, IntArray]:
+        return self.backend.replay(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
 
     def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:
         """Return open-loop controls (T, m) of all samples (paper, end of IV-C), and the weight under way (T,)."""
@@ -92,7 +100,7 @@ class PathIntegral:
     """Draws and weighs samples around references, in threads; `path_integral` makes one for a problem and its space."""
 
     def __init__(
-        self, proposals: ProposalFactory, backend: Backend, *, threads: int = 1,
+        self, proposals: "ProposalFactory", backend: Backend, *, threads: int = 1,
         terminal_cost: Callable[[Array], Array] | None = None, tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
         self.proposals, self.backend, self.replay = proposals, backend, Replay(backend)
@@ -106,7 +114,7 @@ class PathIntegral:
         return self.proposals.world.setup
 
     @property
-    def homology(self) -> Signature:
+    def homology(self) -> "Signature":
         """Classes of paths under the current prediction."""
         return self.proposals.world.homology
 
@@ -115,10 +123,9 @@ class PathIntegral:
         """Check for moving obstacles."""
         return self.proposals.world.moving
 
-    def set_prediction(self, moving: Moving, homology: Signature) -> None:
+    def set_prediction(self, moving: "Moving", homology: "Signature") -> None:
         """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
-        world = self.setup.world._replace(moving=moving)
-        self.proposals.world.snapshot = self.setup._replace(world=world), homology
+        self.proposals.world.snapshot = self.setup._replace(world=self.setup.world._replace(moving=moving)), homology
 
     def warm_up(self, *, optima: bool = True) -> None:
         """Compile the kernels of guides and samples, so that the first plan takes no longer than the others.

@@ -14,6 +14,7 @@ class EstimationTuning(NamedTuple):
 
     tail: float = 40.0  # paths are cut at the cheapest reference plus so many lambda: exp(-40) is below rounding
     parallel: int = 4096  # samples that several threads weigh: waking a thread takes as long as weighing so many
+    replayed: int = 2048  # samples simulated again at once: their states and controls take memory
     negligible: float = 1e-6  # weights below this add nothing to a control sequence, so that few samples are replayed
 
     filled: float = 0.6  # share of the time left for the next round of samples; the rest is for rounds that take longer

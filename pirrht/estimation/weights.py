@@ -87,8 +87,7 @@ def _pareto(x: Array) -> float:
     shape = np.mean(np.log1p(-grid[:, None] * x), axis=1)
     likelihood = m * (np.log(-grid / shape) - shape - 1.0)
     weight = np.exp(likelihood - likelihood.max())
-    best = float(np.sum(grid * weight) / np.sum(weight))
-    return float(np.mean(np.log1p(-best * x)))
+    return float(np.mean(np.log1p(-float(np.sum(grid * weight) / np.sum(weight)) * x)))
 
 
 @kernel

@@ -248,9 +248,7 @@ def _curvature(domain, patch, k, x, y, away):  # type: ignore[no-untyped-def]
     """Laplacian [1/m], at least 0, of the clearance from the k-th solid half-way from (x, y) [m] to it, `away` (2,)."""
     k = patch.near[k]
     e = TUNING.curvature_arm * domain.solids.robot
-    far = math.hypot(away[0], away[1])
-
-    share = 0.5 * (1.0 - domain.solids.robot / far)
+    share = 0.5 * (1.0 - domain.solids.robot / math.hypot(away[0], away[1]))
     x = x - share * away[0]
     y = y - share * away[1]
     total = -4.0 * clearance_from(domain, k, patch.begin, x, y)

@@ -6,8 +6,6 @@ With a step dt `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a pat
 paper's sampling procedure ("endpoint").
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -89,7 +87,7 @@ class Desirability:
     def of(
         cls, problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None,
         progress: Progress = ignore_progress,
-    ) -> Desirability:  # fmt: skip
+    ) -> "Desirability":  # fmt: skip
         """Solve for psi (paper, section III-A, or III-B with a step).
 
         Args:
@@ -140,9 +138,9 @@ class Desirability:
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
         if not self.moves:
-            d, collision = self.problem.dynamics, self.space.collision
+            d = self.problem.dynamics
             poses = states[:, d.reads(self.space.static.kernels.turns)]
-            blocked = (collision.clearance(poses) <= 0.0) & ~self.space.scene.goal.contains(d.place(states))
+            blocked = (self.space.collision.clearance(poses) <= 0.0) & ~self.space.scene.goal.contains(d.place(states))
             value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 
@@ -195,8 +193,7 @@ class Desirability:
         Args:
             margin: by which walls that are hit are behind those of the problem [m].
         """
-        outcome = self._walk(x, samples, seed, t, step, margin=margin)[-1]
-        share = float(np.mean(outcome == COLLISION))
+        share = float(np.mean(self._walk(x, samples, seed, t, step, margin=margin)[-1] == COLLISION))
         return share, math.sqrt(max(share * (1.0 - share), 1.0 / samples) / samples)
 
     def _walk(
@@ -217,10 +214,9 @@ class Desirability:
         turns = np.zeros((samples, homology.M))
         ends = np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
-        footprint, classes = self.space.static.kernels, homology.table
-        states = at_states(footprint, d.reads(footprint.turns))
-        walk = walker(self.evaluate, d.drift, how, self.moves, states, classes.kernels)
-        walk(self.grid, process, classes, x0, seed, turns, ends, outcome)
+        states = at_states(self.space.static.kernels, d.reads(self.space.static.kernels.turns))
+        walk = walker(self.evaluate, d.drift, how, self.moves, states, homology.table.kernels)
+        walk(self.grid, process, homology.table, x0, seed, turns, ends, outcome)
         return homology, turns, ends, outcome
 
 

@@ -1,7 +1,5 @@
 """Define domain, frame and interpolation of the grids, and the numbers that tune them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -91,7 +89,7 @@ class Domain:
     clearance: Callable[[Array], Array]  # of centres (k, 2), (k,) [m]; at most 0 where the robot may not be
 
     @classmethod
-    def of(cls, space: FreeSpace) -> Domain:
+    def of(cls, space: FreeSpace) -> "Domain":
         """Take the domain of a scene; its clearance is the field's with the border, near obstacles FCL's [m]."""
 
         def at(points: Array) -> Array:
@@ -114,7 +112,7 @@ class Equation(NamedTuple):
     wavenumber: float  # k of `Laplace psi = k^2 psi` where nothing moves [1/m]
 
     @classmethod
-    def of(cls, problem: Problem) -> Equation:
+    def of(cls, problem: Problem) -> "Equation":
         """Take the numbers of a point with constant noise and constant q."""
         assert not callable(problem.q)
         b = float(problem.dynamics.B_c(np.zeros(2))[0, 0])
@@ -191,8 +189,7 @@ class Settling:
         """Take note of the change by a round; infinite: nothing is known yet."""
         if self._least < change < math.inf:
             self._first = max(self._first, change)
-            fallen = math.log(self._first / change) / math.log(self._first / self._least)
-            self._share = max(self._share, fallen)
+            self._share = max(self._share, math.log(self._first / change) / math.log(self._first / self._least))
         self._progress(self._share)
 
 

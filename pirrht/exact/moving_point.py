@@ -92,9 +92,9 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     """Return the requested spacing [m], or one that keeps v to 0.1 %; OptionError if no such grid will do."""
     if dt is not None:
         raise OptionError("no grid solves a problem in steps among moving obstacles; leave out dt (exit rule bridge)")
-    radius, length = space.scene.robot_radius, 1.0 / Equation.of(problem).wavenumber
-    mean = math.sqrt(radius * length)
-    deviation = min(TUNING.step_radii * radius, TUNING.step_lengths * length, TUNING.step_mean * mean)
+    length = 1.0 / Equation.of(problem).wavenumber
+    mean = math.sqrt(space.scene.robot_radius * length)
+    deviation = min(TUNING.step_radii * space.scene.robot_radius, TUNING.step_lengths * length, TUNING.step_mean * mean)
     most = deviation / TUNING.moving_points
     if spacing is not None and spacing > most:
         raise OptionError(
@@ -146,8 +146,7 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
                 f"psi has not settled after {TUNING.moving_periods} periods of {period:g} s of the repeated "
                 "motions; choose a longer period or a greater q"
             )
-    last = len(times) - 1
-    kept = np.unique(np.concatenate([np.arange(last, -1, -thinning), [0]]))
+    kept = np.unique(np.concatenate([np.arange(len(times) - 1, -1, -thinning), [0]]))
     frames = np.empty((len(kept), *now.shape), dtype=np.float32)
     frames[-1] = now
     for k, earlier in _back(domain, step, times, now, 0, progress):
@@ -166,11 +165,10 @@ def _stationary(problem: Problem, space: FreeSpace, domain: MovingDomain, time: 
 
     still = replace(Domain.of(space), clearance=clearance)
     equation = Equation.of(problem)
-    frame = domain.frame
 
     spacing = point.default_spacing(problem, space.scene)
     stationary = point.solve(still, wavenumber=equation.wavenumber, wall=equation.wall, spacing=spacing)
-    out = np.empty(np.ceil((still.upper - still.lower) / frame.spacing - 1e-9).astype(int) + 1)
+    out = np.empty(np.ceil((still.upper - still.lower) / domain.frame.spacing - 1e-9).astype(int) + 1)
     _sample(stationary, domain, time, out)
     return out
 

@@ -56,13 +56,13 @@ def ends_of_arms(
 
 def _cut(domain: Domain, tails: Array, heads: Array) -> tuple[Array, BoolArray]:
     """Cut lines from free tails to heads at a wall or the rim, 3 x (k, 2) [m]; tell if at the rim."""
-    clearance, goal = domain.clearance, domain.goal
+    clearance = domain.clearance
     span = heads - tails
     full = np.hypot(*span.T)
     unit = span / full[:, None]
-    to_goal = goal.center - tails
+    to_goal = domain.goal.center - tails
     along = np.sum(to_goal * unit, axis=1)
-    inside = goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
+    inside = domain.goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
     to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
     to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
     at_head = clearance(heads)
@@ -137,9 +137,7 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
 
     cut = neighbour < 0
     rows = np.nonzero(cut)[0]
-    heads = points[flat[cut]]
-
-    ends, at_goal = ends_of_arms(domain, points[free], rows, heads, spacing)
+    ends, at_goal = ends_of_arms(domain, points[free], rows, points[flat[cut]], spacing)
     arms[cut] = (ends - points[free][rows]) @ [1.0, 1j] / spacing
     log_end[cut] = np.where(at_goal, 0.0, -wall)
     s = _lengths(neighbour, spacing * np.abs(arms), log_end, wavenumber)

@@ -55,7 +55,7 @@ def build_field(
 
 def build_blocks(collision: Collision, members: Sequence[int], h: float, fine: float = 0.0) -> Field:
     """Sample clearances [m] from the solids that count in blocks, the finest of spacing h [m]; SceneError: too many."""
-    world, span = collision.world, collision.world.upper - collision.world.lower
+    span = collision.world.upper - collision.world.lower
     for cells in (8, 16, 32):  # wider ones make the table smaller and waste more points
         tops = np.ceil(span / (h * cells * 2**TOP) - 1e-9)
         entries = float(np.prod(tops * 2.0**TOP))
@@ -76,7 +76,7 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float, fine: f
         _require((size + len(origins)) * (cells + 1) ** 2, TUNING.block_points, collision, members)
         children = [origins[:0]]
         for some in np.array_split(origins, range(TUNING.blocks_at_once, len(origins), TUNING.blocks_at_once)):
-            points = world.lower + (some[:, None, None] + (places << level)) * h
+            points = collision.world.lower + (some[:, None, None] + (places << level)) * h
             arrays, coarse = _sampled(collision, members, h * 2**level, points, fine if level else None)
             i, j = (some // cells).T
             at = steps[: 1 << level]
@@ -89,7 +89,7 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float, fine: f
         origins = np.concatenate(children)
         origins = origins[np.all(origins * h < span, axis=1)]
     nearest, second, label = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return Field.of(world, h, (nearest, second, label), table)
+    return Field.of(collision.world, h, (nearest, second, label), table)
 
 
 def _sampled(

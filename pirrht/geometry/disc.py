@@ -27,9 +27,7 @@ class Disc(Field):
     @classmethod
     def over(cls, field: Field) -> "Disc":
         """Take the field of a disc's centre."""
-        disc = cls(*field)
-        disc.arrays, disc.blocks = field.arrays, field.blocks
-        return disc
+        return cls.holding(*field.contents.values())
 
     @property
     def kernels(self) -> SpaceKernels:

@@ -6,10 +6,8 @@ claims more clearance than there is. The border of the workspace is exact and ke
 the nearest solid in another direction; where another solid takes over, its clearance may jump.
 """
 
-from __future__ import annotations
-
 import math
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel, load_float32, load_int32
+from pirrht.jit.records import Held
 from pirrht.jit.streams import ONE, ZERO
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
@@ -51,11 +50,8 @@ class Grid(NamedTuple):
     high: float  # [m]
 
 
-class Field(Grid):
+class Field(Held, Grid):
     """A `Grid` together with the arrays that its addresses point to."""
-
-    arrays: Arrays  # of all points, (nx, ny) or (blocks, stride, stride)
-    blocks: NDArray[np.int32] | None = None  # the table, (rows, columns)
 
     @classmethod
     def of(cls, world: Workspace, spacing: float, arrays: Arrays, table: NDArray[np.int32] | None = None) -> Self:
@@ -65,32 +61,24 @@ class Field(Grid):
         from the nearest solid and from the second wall [m], and labels; `table` has numbers and levels of the blocks.
         """
         nx, stride = arrays[0].shape[-2:]
-        shape = (nx, stride, stride, 0, 0, 0)
+        shape: tuple[Any, ...] = (nx, stride, stride, 0, 0, 0)
         if table is not None:
             cells = stride - 1
             size = (cells * n + 1 for n in table.shape)
-            shape = (*size, stride, table.ctypes.data, table.shape[1], cells.bit_length() - 1)
+            shape = (*size, stride, table, table.shape[1], cells.bit_length() - 1)
         corner = world.lower.astype(float)
-        end = world.upper.astype(float)
-        addresses = (array.ctypes.data for array in arrays)
-        field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *shape, *addresses, *corner, *end)
-        field.arrays, field.blocks = arrays, table
-        return field
+        return cls.holding(*corner, spacing, 1.0 / spacing, *shape, *arrays, *corner, *world.upper.astype(float))
 
     def set_back(self, distance: float) -> Self:
         """Return the field with all walls, the border included, moved back by a distance [m]."""
-        nearest, second, label = self.arrays
-        arrays = nearest + np.float32(distance), second + np.float32(distance), label
-        moved = self._replace(
-            nearest=arrays[0].ctypes.data,
-            second=arrays[1].ctypes.data,
+        return self._replace(
+            nearest=self.held["nearest"] + np.float32(distance),
+            second=self.held["second"] + np.float32(distance),
             left=self.left - distance,
             low=self.low - distance,
             right=self.right + distance,
             high=self.high + distance,
         )
-        moved.arrays, moved.blocks = arrays, self.blocks
-        return moved
 
 
 @inlined

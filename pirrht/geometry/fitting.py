@@ -56,8 +56,7 @@ def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
     body = scene.body.radius
     clearance = float(collision.true_distance(point[None])[0]) - body
     radii = [body + min(share * clearance, clearance - SHORTEST) for share in (0.5, 0.25, 0.0)]  # kept of the clearance
-    least = 2.0 * (scene.margin - clearance) + TUNING.turning_reach * body
-    discs = [least]
+    discs = [2.0 * (scene.margin - clearance) + TUNING.turning_reach * body]
     while discs[-1] < TUNING.max_reach * body:
         discs.append(2.0 * discs[-1])
     for radius, disc in product(radii, discs[:-1]):
@@ -71,10 +70,10 @@ def _refuse_beneath(scene: Scene, collision: Collision, point: Array) -> None:
     """Refuse an obstacle under or over a point (2,) [m]: no direction leads away from it, as from a floor."""
     walls = collision.nearest_walls(point[None], range(len(scene.obstacles)), scene.robot_radius)
     if walls.which[0] >= 0 and not walls.away[0].any():
-        name, height = scene.obstacles[walls.which[0]].name, scene.robot_height
+        name = scene.obstacles[walls.which[0]].name
         raise SceneError(
             f'{scene.name}: obstacle "{name}" lies under or over the robot at ({point[0]:g}, {point[1]:g}) and all '
-            f"around, {walls.first[0]:.3g} m from its centre at a height of {height:g} m; the robot keeps "
+            f"around, {walls.first[0]:.3g} m from its centre at a height of {scene.robot_height:g} m; the robot keeps "
             f"{scene.robot_radius:g} m: remove it if it is a floor, or choose a smaller robot radius or margin"
         )
 
@@ -158,7 +157,6 @@ def waived_along(scene: Scene, line: Array) -> float:
     for disc in scene.narrow:
         away = np.array([disc.x, disc.y]) - tails
         share = np.clip((away * span).sum(axis=1) / square, 0.0, 1.0)
-        gap = np.hypot(*(away - share[:, None] * span).T)
-        if gap.min(initial=np.inf) < scene.robot_radius:
+        if np.hypot(*(away - share[:, None] * span).T).min(initial=np.inf) < scene.robot_radius:
             most = max(most, disc.less)
     return most

@@ -1,7 +1,5 @@
 """Describe the shape of a robot seen from above: a disc, or a convex polygon that turns with its heading."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cache
@@ -52,14 +50,14 @@ class Footprint:
             object.__setattr__(self, "corners", tuple((float(x), float(y)) for x, y in _checked(self.corners)))
 
     @classmethod
-    def disc(cls, radius: float, *, height: float = TUNING.robot_height) -> Footprint:
+    def disc(cls, radius: float, *, height: float = TUNING.robot_height) -> "Footprint":
         """Make the footprint of a robot that is round [m]; SceneError: the radius is not positive."""
         return cls(CENTRE, number(radius, "the robot radius", "a positive number [m]"), height)
 
     @classmethod
     def rectangle(
         cls, length: float, width: float, offset: float = 0.0, *, height: float = TUNING.robot_height
-    ) -> Footprint:
+    ) -> "Footprint":
         """Make a rectangle, `length` along the heading, whose middle lies `offset` ahead of the reference point [m].
 
         SceneError: a size is not positive, or the reference point lies outside.
@@ -70,7 +68,7 @@ class Footprint:
         return cls.polygon([(back, -across), (front, -across), (front, across), (back, across)], height=height)
 
     @classmethod
-    def polygon(cls, points: ArrayLike, *, height: float = TUNING.robot_height) -> Footprint:
+    def polygon(cls, points: ArrayLike, *, height: float = TUNING.robot_height) -> "Footprint":
         """Make a convex polygon of corners (k, 2), counter-clockwise around the reference point, the origin [m].
 
         SceneError: it has no inside, is not convex or clockwise, or the reference point lies outside.
@@ -144,7 +142,7 @@ class Footprint:
         """Return its outline at poses x, y, heading [m, m, rad], (..., 3) -> (..., n, 2) [m]."""
         return placed(self.outline, pose)
 
-    def grown(self, margin: float) -> Footprint:
+    def grown(self, margin: float) -> "Footprint":
         """Return the footprint that is larger by a margin [m] all around; less than 0 takes off what was added."""
         return replace(self, rounding=self.rounding + margin)
 

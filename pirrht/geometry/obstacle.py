@@ -1,7 +1,5 @@
 """Describe obstacles: convex solids, and how those move that do, by rows of a time and a pose, linear in between."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
@@ -175,7 +173,7 @@ class Motion:
         again = ", over and over" if self.repeat else ""
         return f"Motion({len(self.rows)} rows over {self.rows[-1, 0]:g} s{again})"
 
-    def after(self, time: float) -> Motion:
+    def after(self, time: float) -> "Motion":
         """Return the motion on a clock that starts at a time [s] of this one's."""
         return replace(self, offset=self.offset + time)
 

@@ -311,12 +311,13 @@ def narrow_places(field: Field, radius: float) -> tuple[int, IntArray]:
 
 
 def _pages_of(field: Field, stride: int, radius: float) -> Pages:
-    if field.blocks is None:
+    blocks = field.held.get("table")
+    if blocks is None:
         side = max(-(-field.nx // stride), -(-field.ny // stride))
         near = np.ones((1, 1), dtype=np.bool_)
     else:
         side = ((field.stride - 1) << (LEVELS - 1)) // stride
-        near = (field.blocks[:: 1 << (LEVELS - 1), :: 1 << (LEVELS - 1)] >> LEVEL_BITS) != 0
+        near = (blocks[:: 1 << (LEVELS - 1), :: 1 << (LEVELS - 1)] >> LEVEL_BITS) != 0
     place = np.argwhere(near)
     lonely = np.argwhere(~near)
     first = np.empty(near.shape, dtype=np.int64)

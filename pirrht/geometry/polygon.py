@@ -26,6 +26,7 @@ from pirrht.geometry.scene import Workspace
 from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, NEVER, UNSURE, SpaceKernels
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import borrowing, inlined, kernel, load_float32, load_float64
+from pirrht.jit.records import Held
 from pirrht.jit.streams import FAR, MIN_VARIANCE, ONE, SIDEWAYS, ZERO, first_crossing, survival, uniform
 
 # Numbers of a row: place x, y of a disc in the robot's frame, radius, and how far it reaches from there [m]; of a group
@@ -52,10 +53,8 @@ class PolygonNumbers(NamedTuple):
     spacing: float  # of the field [m]
 
 
-class Polygon(PolygonNumbers):
+class Polygon(Held, PolygonNumbers):
     """`PolygonNumbers` together with the array that their address points to."""
-
-    table: Array  # (size, ROW)
 
     @classmethod
     def of(
@@ -77,21 +76,16 @@ class Polygon(PolygonNumbers):
         left, low = world.lower.tolist()
         right, high = world.upper.tolist()
         field = whole._replace(left=left, low=low, right=right, high=high)
-        field.arrays, field.blocks = whole.arrays, whole.blocks
 
-        polygon = cls(
-            field=field, rows=table.ctypes.data, groups=groups, around=most - least,
-            within=footprint.inscribed - least, reach=footprint.reach, exact=TUNING.exact_reach * footprint.reach,
-            near=TUNING.tight * excess, excess=TUNING.cover_share * excess, spacing=field.spacing,
-        )  # fmt: skip
-        polygon.table = table
-        return polygon
+        radii = most - least, footprint.inscribed - least
+        reach = footprint.reach, TUNING.exact_reach * footprint.reach
+        return cls.holding(
+            field, table, groups, *radii, *reach, TUNING.tight * excess, TUNING.cover_share * excess, field.spacing
+        )
 
     def set_back(self, distance: float) -> Polygon:
         """Return the space with all walls, the border included, moved back by a distance [m]."""
-        moved = self._replace(field=self.field.set_back(distance))
-        moved.table = self.table
-        return moved
+        return self._replace(field=self.field.set_back(distance))
 
     @property
     def kernels(self) -> SpaceKernels:

@@ -19,8 +19,7 @@ def cover(occupied: Cells) -> Rectangles:
     """Return rectangles (k, 4) of cells, largest first: first row, row after the last, and so for columns."""
     turned = _stretched(np.ascontiguousarray(occupied.T))[:, [2, 3, 0, 1]]
     found = np.unique(np.vstack([_stretched(occupied), turned]), axis=0)
-    areas = np.prod(found[:, 1::2] - found[:, ::2], axis=1)
-    found = found[np.argsort(-areas, kind="stable")]
+    found = found[np.argsort(-np.prod(found[:, 1::2] - found[:, ::2], axis=1), kind="stable")]
     for _ in range(2):  # largest first, then smallest first
         found = found[_taken(found, *occupied.shape)][::-1]
     return _needed(found[::-1], occupied.shape)[::-1]

@@ -1,7 +1,5 @@
 """Describe scenes as plain values: obstacles, the start of the robot, and its goal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, NotRequired, TypedDict, Unpack
@@ -201,7 +199,7 @@ class Scene:
             raise SceneError(f"{self.name}: the defaults are {short(self.defaults)}; they must be numbers by name")
 
     @classmethod
-    def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]) -> Scene:
+    def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]) -> "Scene":
         """Make a scene of upright boxes.
 
         Args:
@@ -223,14 +221,14 @@ class Scene:
         return cls._of(solids.boxes(boxes, _height(task)), lower, upper, **task)
 
     @classmethod
-    def from_discs(cls, discs: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]) -> Scene:
+    def from_discs(cls, discs: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]) -> "Scene":
         """Make a scene of upright cylinders, rows x, y, radius [m], (k, 3); the rest as of `from_boxes`."""
         return cls._of(solids.discs(discs, _height(task)), lower, upper, **task)
 
     @classmethod
     def from_polygons(
         cls, polygons: Sequence[ArrayLike], *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]
-    ) -> Scene:
+    ) -> "Scene":
         """Make a scene of upright prisms; a polygon that is not convex becomes triangles.
 
         Args: `polygons`, the corners of each in their order around it, (l, 2) [m]; the others are `from_boxes`'s.
@@ -241,7 +239,7 @@ class Scene:
     @classmethod
     def from_grid(
         cls, occupied: ArrayLike, resolution: float, *, origin: ArrayLike = (0.0, 0.0), **task: Unpack[SceneTask]
-    ) -> Scene:
+    ) -> "Scene":
         """Make a scene of a grid of occupied cells, which few boxes cover exactly; its border is the workspace's.
 
         Args:
@@ -277,8 +275,8 @@ class Scene:
         cls, obstacles: tuple[Obstacle, ...], lower: ArrayLike, upper: ArrayLike, *, start: ArrayLike,
         goal: Goal | ArrayLike, robot_radius: float = 0.0, robot_height: float = TUNING.robot_height,
         footprint: Footprint = NO_FOOTPRINT, name: str = "scene",
-    ) -> Scene:  # fmt: skip
-        if robot_radius and footprint is not NO_FOOTPRINT:
+    ) -> "Scene":  # fmt: skip
+        if footprint is not NO_FOOTPRINT and robot_radius:
             raise SceneError(f"{name}: both a robot_radius and a footprint are given; give one of them")
         if not isinstance(goal, Goal):
             x, y, radius = numbers(goal, (3,), "the goal", "x, y, radius [m]")

@@ -4,8 +4,6 @@ FCL computes most of these numbers one at a time, through four Python calls; a c
 distances are hollow inside of meshes and too great by up to millimetres from ellipsoids.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -36,7 +34,7 @@ class Solids(NamedTuple):
     normal: Array  # (F, 3) their unit normals
 
     @classmethod
-    def of(cls, obstacles: Sequence[Obstacle]) -> Solids:
+    def of(cls, obstacles: Sequence[Obstacle]) -> "Solids":
         """Gather M obstacles into arrays (M, ...) [m]."""
         M = len(obstacles)
         boxes = np.array([_rectangle(o) for o in obstacles]).reshape(M, 2, 2)
@@ -198,12 +196,11 @@ def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
 @kernel
 def distances(solids, members, points, height, out):  # type: ignore[no-untyped-def]
     """Write distances from the nearest of the members to points (k, 2) at a height [m], out (k,); 0 inside."""
-    low, high = solids.low, solids.high
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
         best = math.inf
         for m in members:
-            if square_to(low, high, m, x, y) < best * best:
+            if square_to(solids.low, solids.high, m, x, y) < best * best:
                 best = min(best, distance_from(solids, m, x, y, height))
         out[i] = best if best > PROBE else 0.0
 

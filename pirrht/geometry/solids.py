@@ -117,9 +117,7 @@ def _turn(corners: Sequence[Array], k: int) -> float:
     """Return by how much a polygon turns at its corner k, positive to the left."""
     before = corners[k - 1]
     here = corners[k]
-    after = corners[(k + 1) % len(corners)]
-
-    return float(_cross(here - before, after - here))
+    return float(_cross(here - before, corners[(k + 1) % len(corners)] - here))
 
 
 def _is_ear(corners: Sequence[Array], k: int) -> bool:

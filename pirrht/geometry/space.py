@@ -20,8 +20,6 @@ Examples:
     True
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any, NamedTuple, Protocol
 

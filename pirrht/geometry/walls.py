@@ -93,7 +93,6 @@ def bin_at(bins, x, y):  # type: ignore[no-untyped-def]
 @borrowing
 def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untyped-def]
     """Put the two nearest walls of points (k, 2) [m] at a height [m] into `found`."""
-    low, high, member = solids.low, solids.high, bins.member
     first, second, which, away, other = found
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
@@ -104,8 +103,8 @@ def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untype
         at = -1
 
         for k in range(begin, end):
-            m = member[k]
-            if square_to(low, high, m, x, y) >= later * later:
+            m = bins.member[k]
+            if square_to(solids.low, solids.high, m, x, y) >= later * later:
                 continue
             d = distance_from(solids, m, x, y, height)
             d = 0.0 if d <= PROBE else d
@@ -118,8 +117,8 @@ def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untype
             away[i, 0], away[i, 1] = offset_from(solids, at, x, y, height)
         best = second[i]
         for k in range(begin, end):
-            m = member[k]
-            if m == at or square_to(low, high, m, x, y) >= best * best:
+            m = bins.member[k]
+            if m == at or square_to(solids.low, solids.high, m, x, y) >= best * best:
                 continue
             d = distance_from(solids, m, x, y, height)
             if d <= PROBE:

@@ -17,8 +17,6 @@ Examples:
     [1.39, 1.5]
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple, Protocol
@@ -96,7 +94,7 @@ class Moving(Protocol):
     def meets(self, a: Array, s: float, b: Array, t: float) -> bool:
         """Return whether a straight step from a (2,) at s to b (2,) at t meets one, by FCL where in doubt."""
 
-    def with_motions(self, movers: Sequence[Mover]) -> Moving:
+    def with_motions(self, movers: Sequence[Mover]) -> "Moving":
         """Return the obstacles on other motions; one thread at a time may query either."""
 
 
@@ -130,7 +128,7 @@ class NoMoving(NamedTuple):
         """No step meets anything."""
         return False
 
-    def with_motions(self, movers: Sequence[Mover]) -> NoMoving:
+    def with_motions(self, movers: Sequence[Mover]) -> "NoMoving":
         """Nothing moves."""
         return self
 
@@ -144,7 +142,7 @@ class World(NamedTuple):
     moving: Any  # J moving obstacles (`Moving`)
 
     @classmethod
-    def of(cls, static: Space, goal: Goal, moving: Moving) -> World:
+    def of(cls, static: Space, goal: Goal, moving: Moving) -> "World":
         """Take a snapshot of a static space, a goal of centre (2,) [m] and moving obstacles."""
         return cls(static, (float(goal.center[0]), float(goal.center[1])), float(goal.radius), moving)
 

@@ -8,8 +8,6 @@ again in each of its callers. Here a function that is called from kernels stays 
 compiles kernels with numba's public interface instead.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import copy
 from typing import Any
@@ -57,7 +55,7 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
     _final_module: Any
     _shared_module: Any
     key: str | None = None
-    parts: tuple[PartLibrary, ...] = ()
+    parts: "tuple[PartLibrary, ...]" = ()
 
     def finalize(self) -> None:
         """Link libraries of numba; other parts are named, and linked where an entry is made."""
@@ -84,7 +82,7 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
         return self.name, self._final_module.as_bitcode(), [part.key for part in self.parts], list(self._reload_init)
 
     @classmethod
-    def kept(cls, key: str, state: Any = None) -> PartLibrary | None:
+    def kept(cls, key: str, state: Any = None) -> "PartLibrary | None":
         """Return the IR that is on disk under a name, with all parts that it links."""
         if key in _known or (state := state or cache.load(key, lambda data: data[0])) is None:
             return _known.get(key)

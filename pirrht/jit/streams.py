@@ -83,8 +83,7 @@ def stream(seed, sample):  # type: ignore[no-untyped-def]
 @inlined
 def antithetic(sample, first, mirrored):  # type: ignore[no-untyped-def]
     """The sample whose sequence a sample follows, and the sign of its normals: antithetic pairs from `first` on."""
-    second = mirrored and (sample - first) % 2 == 1
-    return (sample - 1, -1.0) if second else (sample, 1.0)
+    return (sample - 1, -1.0) if mirrored and (sample - first) % 2 == 1 else (sample, 1.0)
 
 
 @inlined

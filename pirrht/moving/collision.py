@@ -7,8 +7,6 @@ enough. Swept capsules in the obstacle's frame decide whether one passes over th
 somewhere else jumps: earlier distances say nothing afterwards, and nothing is swept in between.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -119,7 +117,7 @@ class MovingObstacles:
         self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
         self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
 
-    def with_motions(self, movers: Sequence[Mover]) -> MovingObstacles:
+    def with_motions(self, movers: Sequence[Mover]) -> "MovingObstacles":
         """Return these obstacles on other motions; FCL's solids are shared, and queried by one thread at a time."""
         return MovingObstacles(movers, self._footprint, [body.shape for body in self._bodies])
 
@@ -192,8 +190,7 @@ def _off_chord(begin: Array, end: Array) -> float:
 def radius_of(solids: tuple[Obstacle, ...]) -> float:
     """Return how far an obstacle's solids extend from its origin, seen from above, at most [m]."""
     every = Solids.of(solids)
-    far = np.maximum(np.abs(every.low), np.abs(every.high))
-    return float(np.hypot(*far.T).max(initial=0.0))
+    return float(np.hypot(*np.maximum(np.abs(every.low), np.abs(every.high)).T).max(initial=0.0))
 
 
 def travels(motion: Motion, radius: float) -> Array:

@@ -234,7 +234,7 @@ def _behind(moving, j, near, way, dt, c, d, length):  # type: ignore[no-untyped-
 @part
 def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no-untyped-def]
     """Find which obstacle a noisy step meets and when: `MovingKernels.bridge`."""
-    (x, y, mx, my), (line, weighed), near = way, rule, notes.near
+    (x, y, mx, my), (line, weighed) = way, rule
     square = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     spread = math.sqrt(0.5 * square)
     within = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y)) + spread + moving.speed * dt
@@ -250,7 +250,7 @@ def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no
     variance = 0.0
 
     for k in range(int(notes.listing[COUNT])):
-        survives, c, d, towards = _passes(moving, notes.candidates[k], near, way, dt, cov, square)
+        survives, c, d, towards = _passes(moving, notes.candidates[k], notes.near, way, dt, cov, square)
         alive *= survives
         if survives < worst:
             worst = survives
@@ -266,7 +266,7 @@ def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no
     if u < alive:
         return state, NEVER, 0.0
     for c in range(WALL):
-        out[0, c] = near[which, c]
+        out[0, c] = notes.near[which, c]
     state, share = first_crossing(max(from_, MIN_VARIANCE), to, math.sqrt(variance), state)
     return state, share, 0.0
 

@@ -1,7 +1,5 @@
 """Gather J moving obstacles as arrays that kernels read, on a clock on which 0 is now."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,6 +13,7 @@ from pirrht.geometry.obstacle import Mover, Obstacle
 from pirrht.geometry.scene import Scene, Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.world import WALL, MovingKernels
+from pirrht.jit.records import Held
 from pirrht.moving.certify import certify, note_unsure
 from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
 from pirrht.moving.distances import FASTEST, moving_clearance
@@ -42,29 +41,28 @@ class ObstacleNumbers(NamedTuple):
     cutoff: float  # clearances are reported up to this [m]
 
 
-class MovingObstacleArrays(ObstacleNumbers):
+class MovingObstacleArrays(Held, ObstacleNumbers):
     """J moving obstacles together with the arrays that the addresses point to: `geometry.world.Moving`."""
 
-    arrays: Sequence[Array | IntArray]
     collision: MovingObstacles  # the same obstacles as FCL has them
     kernels = KERNELS
 
     @classmethod
-    def of(cls, scene: Scene) -> MovingObstacleArrays:
+    def of(cls, scene: Scene) -> "MovingObstacleArrays":
         """Gather the moving obstacles of a scene; J may be 0."""
         cutoff = max(TUNING.cutoff_radii * scene.footprint.radius, TUNING.min_cutoff)
         return cls.around(scene.footprint, scene.movers, cutoff)
 
     @classmethod
-    def around(cls, footprint: Footprint, movers: Sequence[Mover], cutoff: float) -> MovingObstacleArrays:
+    def around(cls, footprint: Footprint, movers: Sequence[Mover], cutoff: float) -> "MovingObstacleArrays":
         """Gather obstacles around a robot, distances from whose solids are right up to a cutoff [m]."""
         shapes, pitch = _shapes([solid for mover in movers for solid in mover.solids], footprint, cutoff)
         sizes = pitch, float(footprint.height), float(footprint.radius)
         return cls._holding(movers, shapes, sizes, cutoff, MovingObstacles(movers, footprint))
 
-    def with_motions(self, movers: Sequence[Mover]) -> MovingObstacleArrays:
+    def with_motions(self, movers: Sequence[Mover]) -> "MovingObstacleArrays":
         """Return these obstacles on other motions; shapes, FCL's included, are shared: one thread at a time asks."""
-        shapes = self.arrays[3:]  # the first three are of motions
+        shapes = [self.held[name] for name in ("solid", "form", "corner", "table")]
         sizes = (self.pitch, self.height, self.robot)
 
         return self._holding(movers, shapes, sizes, self.cutoff, self.collision.with_motions(movers))
@@ -73,12 +71,12 @@ class MovingObstacleArrays(ObstacleNumbers):
     def _holding(
         cls, movers: Sequence[Mover], shapes: Sequence[Array | IntArray], sizes: tuple[float, float, float],
         cutoff: float, collision: MovingObstacles,
-    ) -> MovingObstacleArrays:  # fmt: skip
+    ) -> "MovingObstacleArrays":  # fmt: skip
         motions = _motions(movers, sizes[2])
         arrays: Sequence[Any] = [np.ascontiguousarray(one) for one in (*motions, *shapes)]
         numbers: Sequence[float] = *sizes, float(motions[0][:, FASTEST].max(initial=0.0)), cutoff
-        made = cls(len(movers), *(array.ctypes.data for array in arrays), *numbers)
-        made.arrays, made.collision = arrays, collision
+        made = cls.holding(len(movers), *arrays, *numbers)
+        made.collision = collision
         return made
 
     def clearance(self, x: float, y: float, t: float) -> float:

@@ -194,7 +194,7 @@ def growing(certify: Any) -> Any:
     @kernel
     def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignore[no-untyped-def]
         """Make vertices of the draws (k, n) from i on, by a `proposer`; the first not dealt with, and its status."""
-        straight, gx, gy = np.empty(at.M), around.goal_x, around.goal_y
+        straight = np.empty(at.M)
         while i < draws.shape[0]:
             x = draws[i]
             v = load_int64(at.size, g.SIZE.vertices)
@@ -202,7 +202,7 @@ def growing(certify: Any) -> Any:
             if status == BLOCKED:
                 i += 1
                 continue
-            away = math.hypot(x[0] - gx, x[1] - gy) / around.goal_radius
+            away = math.hypot(x[0] - around.goal_x, x[1] - around.goal_y) / around.goal_radius
             if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
                 return i, STATUS.ask
             root = away < 1.0

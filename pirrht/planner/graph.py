@@ -9,8 +9,6 @@ What a search needs of an edge, or of a vertex and its first nodes, lies togethe
 random, and whatever lies apart is fetched apart. The dtypes say where in a record a field lies; kernels read there.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -154,7 +152,7 @@ class Places(Addresses):
     graph: Graph
 
     @classmethod
-    def of(cls, graph: Graph) -> Places:
+    def of(cls, graph: Graph) -> "Places":
         """The places of the arrays of a graph, valid until it is given more room."""
         parts = [getattr(graph, name) for name in cls._fields if name in Graph._fields]
 

@@ -1,7 +1,5 @@
 """Find where the tree of a robot with corners ends: the narrow place that its inscribed disc passes and it does not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, NamedTuple
 

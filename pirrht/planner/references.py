@@ -139,13 +139,12 @@ class ReferenceQuery(NamedTuple):
 
     def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
         """Cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
-        checker, M = self.tree.checker, self.tree.homology.M
-        found = self.steering.resume(x, path, checker)
+        found = self.steering.resume(x, path, self.tree.checker)
         if found is None:
             return None
         count = len(found.cost)
-        edges = checker.inspect(found, np.arange(count) == count - 1)
-        turns = np.sum([edges.turns.dense(i, M) for i in range(count)], axis=0)
+        edges = self.tree.checker.inspect(found, np.arange(count) == count - 1)
+        turns = np.sum([edges.turns.dense(i, self.tree.homology.M) for i in range(count)], axis=0)
         return found if integers(turns) == winding else None
 
     def _optima(self, x: Array, edges: Edges, rows: Any) -> list[Any]:

@@ -219,8 +219,8 @@ def _pop(at):  # type: ignore[no-untyped-def]
 def append(at, v, offer, rules):  # type: ignore[no-untyped-def]
     """AppendNode: give vertex v a node if it is new or cheaper, and queue it; return what must grow first, or done."""
     vertex = g.vertex_at(at, v)
-    count, K = load_int32(vertex, g.COUNT), rules.classes
-    if K == 0 and count >= at.K:
+    count = load_int32(vertex, g.COUNT)
+    if rules.classes == 0 and count >= at.K:
         return STATUS.nodes_full
     if load_int64(at.size, g.SIZE.queue) + 1 >= at.queue_room:
         return STATUS.queue_full
@@ -236,7 +236,7 @@ def append(at, v, offer, rules):  # type: ignore[no-untyped-def]
         edge = at.edge_marker, at.edge_turn, load_int64(at.edge_first, e), load_int64(at.edge_first, e + 1)
         if not admits(at, at.straight + 8 * at.M * v, offer.source, offer.slot, edge, rules):
             return STATUS.done
-        if 0 < K <= count:
+        if 0 < rules.classes <= count:
             worst = 0
             for i in range(1, count):
                 if load_float64(g.node_at(vertex, i), g.COST) > load_float64(g.node_at(vertex, worst), g.COST):

@@ -165,12 +165,11 @@ class HomologyTree:
 
     def _insert(self, x: Array, edges: Edges, back: Edges) -> None:
         """Make the state x (n,) that was written last a vertex, with edges from it and to it."""
-        storage, size = self.storage, self.graph.size
+        storage = self.storage
         more = len(edges.near) + len(back.near)
         pairs = len(edges.turns.marker) + len(back.turns.marker)
-        storage.make_room(E=size[SIZE.edges] + more, P=size[SIZE.pairs] + pairs)
-        base, around = self.homology.base(x), self.checker.around
-        insert(storage.places, storage.vertices, base, edges, back, around, self.rules)
+        storage.make_room(E=self.graph.size[SIZE.edges] + more, P=self.graph.size[SIZE.pairs] + pairs)
+        insert(storage.places, storage.vertices, self.homology.base(x), edges, back, self.checker.around, self.rules)
 
     def relax(self) -> None:
         """Relax costs until no node improves (`rewire.relaxed`)."""
@@ -199,16 +198,15 @@ class HomologyTree:
 
     def edges_to(self, v: int) -> Edges:
         """Judge edges to vertex v from the vertices near it (Algorithm 3, lines 1 to 7); lines 8 to 17 are `relax`."""
-        x, in_goal = self.states[v], self.in_goal
+        x = self.states[v]
         near = self._near(x, self.states[: v + 1], forward=False)  # line 1
-        near = near[(near != v) & ~in_goal[near]]
+        near = near[(near != v) & ~self.in_goal[near]]
         motions = self.steering.connect(self.states[near], np.repeat(x[None], len(near), axis=0))  # line 3: TPBVP
-        return self.checker.inspect(motions, np.full(len(near), in_goal[v]), near)  # lines 4 and 5: ObstacleFree
+        return self.checker.inspect(motions, np.full(len(near), self.in_goal[v]), near)  # lines 4 and 5: ObstacleFree
 
     def _near(self, x: Array, states: Array, *, forward: bool, least: int = 0) -> NDArray[np.int64]:
         """Find vertices near x (n,) among states (V, n), at least so many (NearForward and NearBackward)."""
-        count = max(near_count(len(states), self.steering.n), least)
-        return self.steering.nearest(states, x, count, forward=forward)
+        return self.steering.nearest(states, x, max(near_count(len(states), self.steering.n), least), forward=forward)
 
     # -- Algorithm 5: ExtractReference -----------------------------------------------------------------------------
 
@@ -279,8 +277,7 @@ class HomologyTree:
         self._grown(self.states[:0], 0)
         more = 1.0 + 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
         edges = int(more * self.graph.size[SIZE.edges])
-        pairs = int(more * self.graph.size[SIZE.pairs])
-        self.storage.make_room(V=vertices, E=edges, P=pairs)
+        self.storage.make_room(V=vertices, E=edges, P=int(more * self.graph.size[SIZE.pairs]))
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""
@@ -295,10 +292,9 @@ class HomologyTree:
     @cached_property
     def _propose(self) -> Any:
         """Address of its `proposer`."""
-        steering = self.steering
-        kernels = steering.kernels
+        kernels = self.steering.kernels
         assert kernels is not None
-        numbers = np.array(steering.numbers)
+        numbers = np.array(self.steering.numbers)
         straight = np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
         propose = proposer(
@@ -336,11 +332,11 @@ class HomologyTree:
     node_count = property(lambda self: int(self.graph.nodes[: self.size].sum()), doc="All classes of all vertices.")
 
     def __repr__(self) -> str:
-        scene, rules = formatting.name(self.space.scene.name), self.rules
+        scene = formatting.name(self.space.scene.name)
         counts = f"{self.size} vertices, {self.node_count} nodes"
-        classes = f"{rules.classes or 'all'} classes a vertex"
+        classes = f"{self.rules.classes or 'all'} classes a vertex"
 
-        return f"HomologyTree({counts} in {scene}, |1 - H| <= {rules.limit:g}, {classes})"
+        return f"HomologyTree({counts} in {scene}, |1 - H| <= {self.rules.limit:g}, {classes})"
 
     def plot(self, x: Array | None = None, *, axes: Any = None) -> Any:
         """Draw the best edge of every vertex on a map of the scene, and the references of a state x (n,).
@@ -364,8 +360,8 @@ class HomologyTree:
 
     def best_edges(self, spacing: float) -> list[Array]:
         """Return the edge that each vertex' cheapest node takes as a line (k, 2) of points at a spacing [m]."""
-        graph, size = self.graph, self.size
-        tails = np.flatnonzero(graph.nodes[:size] > 0)
+        graph = self.graph
+        tails = np.flatnonzero(graph.nodes[: self.size] > 0)
         costs = np.where(np.arange(graph.cost.shape[1]) < graph.nodes[tails, None], graph.cost[tails], np.inf)
         taken = graph.parent[tails, np.argmin(costs, axis=1)]
         tails = tails[taken >= 0]

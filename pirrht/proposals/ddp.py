@@ -38,7 +38,7 @@ def optimiser(kind: KernelSpec) -> Any:
 
     among = kind.moving or NOTHING_MOVES
     watch, sweep_among = among.watch, among.sweep
-    pose, sweep, (px, py) = pose_at(kind.reads), kind.space.sweep, kind.reads[:2]
+    pose, sweep, (px, py) = pose_at(kind.reads), kind.space.sweep, kind.position
     signature = kind.classes or NO_CLASSES
     key_of_step = signature.key
     watch_class = signature.watch

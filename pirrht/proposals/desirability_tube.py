@@ -12,8 +12,6 @@ distance c it is known by the length b of `1 - exp(-c / b)`. psi at the start bo
 The loop over the nodes has no branches and single precision: it compiles to vector instructions.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -294,16 +292,16 @@ class DesirabilityAscent(ProposalControl):
     promise: float = -math.inf  # predicted log psi of the class, that of the tube at its start [nats]
 
     @classmethod
-    def of(cls, arena: World, line: Array, x: Array, decay: float, push: WallDrift) -> DesirabilityAscent:
+    def of(cls, arena: World, line: Array, x: Array, decay: float, push: WallDrift) -> "DesirabilityAscent":
         """Compute the tube of a reference from x (n,) over corners (k, 2) [m], the goal point as the last.
 
         It is of a world with the goal's disc, where psi decays by k per meter [1/m].
         """
         whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
         cut = sections_of(arena.static, whole, arena.radius, decay)
-        C, J = len(cut[0]), TUNING.nodes
+        C = len(cut[0])
         place = np.zeros((1, C, PLACE), np.float32)
-        slope = np.zeros((1, C, J, KNOWN), np.float32)
+        slope = np.zeros((1, C, TUNING.nodes, KNOWN), np.float32)
         log_psi = float(_transfer(arena, cut, decay, place[0], slope[0]))
         return cls(DesirabilityTubes(np.array([C]), place, slope, decay), arena.goal, push.gain(x), push, log_psi)
 

@@ -11,8 +11,6 @@ optimum is. So survivors count (1 - 1/a) + w^a / a, normalised, and the power wi
 sampled under what earlier plans have learned: its likelihood ratios are exact, and psi stays unbiased.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,12 +90,12 @@ class LawFit:
     learned: DDPGuide | None = None  # the guide with the law; None: samples have come since
 
     @classmethod
-    def of(cls, guide: DDPGuide, tuning: ProposalTuning = TUNING) -> LawFit:
+    def of(cls, guide: DDPGuide, tuning: ProposalTuning = TUNING) -> "LawFit":
         """Begin around a guide."""
         n, m = guide.dynamics.n, guide.dynamics.m
         return cls(guide, np.zeros((guide.length, n + 1, n + 1)), np.zeros((guide.length, n + 1, m)), tuning)
 
-    def carried(self, guide: DDPGuide, elapsed: float, *, timed: bool) -> LawFit:
+    def carried(self, guide: DDPGuide, elapsed: float, *, timed: bool) -> "LawFit":
         """Return it around another guide of the class, some time [s] later; rows without a near one are forgotten.
 
         Each row goes to the nearest one, or if `timed` to the one that is due, unless that is farther than a step.
@@ -208,8 +206,7 @@ def chosen(log_weight: Array, log_share: Array, most: int, tuning: ProposalTunin
     signed = base + (weight - base) / power
     size = np.abs(signed)
     total = float(size.sum())
-    edges = np.floor(np.cumsum(size) / total * most + 0.5)
-    number = np.diff(edges, prepend=0.0)
+    number = np.diff(np.floor(np.cumsum(size) / total * most + 0.5), prepend=0.0)
     found = np.flatnonzero(number)
     worth = 1.0 / float((signed**2).sum())
     counts = worth * number[found, None] / most * np.column_stack([np.ones(len(found)), total * np.sign(signed[found])])

@@ -55,7 +55,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
 
     scratch_walls, clearance_cost, _ = clearance_costs(kind.space, len(kind.reads), kind.moving)
     pose, combined = pose_at(kind.reads), vectors.combined(len(kind.reads))
-    px, py = kind.reads[:2]
+    px, py = kind.position
     stranded = noisy_position and homing_of is no_homing
     along_line = kind.along_line
 

@@ -80,7 +80,7 @@ class DDPGuidance:
     @property
     def law_width(self) -> int:
         """Numbers of the law of a step."""
-        return law_columns(self.problem.dynamics.n, self.width)[-1]
+        return int(law_columns(self.problem.dynamics.n, self.width).width)
 
     @staticmethod
     def suits(problem: Problem) -> bool:

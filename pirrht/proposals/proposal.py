@@ -4,8 +4,6 @@ A proposal control u(x, s) has two homes: `__call__` for one state, and a row of
 divide by the likelihood of the control that was followed, so any control leaves psi of the sampled chain unbiased.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -67,7 +65,7 @@ class ProposalControl(ABC):
         return self(x, 0.0)
 
     @abstractmethod
-    def pack(self, leads: ProposalTables, h: int) -> None:
+    def pack(self, leads: "ProposalTables", h: int) -> None:
         """Write row h of the tables (H, ...); they are zero before."""
 
 
@@ -95,7 +93,7 @@ class Wrapped(ProposalControl):
         """Return the mean control (m,) over the first step from x (n,)."""
         return self.lead.held(x)
 
-    def pack(self, leads: ProposalTables, h: int) -> None:
+    def pack(self, leads: "ProposalTables", h: int) -> None:
         """Write row h of the tables."""
         self.lead.pack(leads, h)
 
@@ -115,7 +113,7 @@ class Tape(ProposalControl):
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
         return np.asarray(self.controls[i]) if i < len(self.controls) else np.zeros(self.controls.shape[1])
 
-    def pack(self, leads: ProposalTables, h: int) -> None:
+    def pack(self, leads: "ProposalTables", h: int) -> None:
         """Write the control sequence to `ProposalTables.control` (H, T, m)."""
         leads.control[h] = self.controls
 
@@ -155,7 +153,7 @@ class Batch:
         """Names of classes by additive key, those of earlier references included."""
         return {**self.classes, **self.others}
 
-    def counting(self, counts: Sequence[int]) -> Batch:
+    def counting(self, counts: Sequence[int]) -> "Batch":
         """Return the batch with other numbers of samples (H,)."""
         pairs = zip(self.proposals, counts, strict=True)
         return replace(self, proposals=tuple(replace(proposal, count=int(count)) for proposal, count in pairs))

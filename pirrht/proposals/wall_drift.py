@@ -16,8 +16,6 @@ s = 0 that is Bessel's process in three dimensions, whose drift 1/c is a strict 
 the wall follows from the mean itself.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass
@@ -47,7 +45,7 @@ class Scales(NamedTuple):
     wall_offset: float  # of walls without a tube (`wall_slope`) [m]
 
     @classmethod
-    def of(cls, problem: Problem, x: Array) -> Scales:
+    def of(cls, problem: Problem, x: Array) -> "Scales":
         """Evaluate the scales at x (n,)."""
         B = problem.dynamics.B_c(x)
         noise = float(np.trace(B @ B.T)) / problem.dynamics.m
@@ -200,13 +198,12 @@ class FlatWalls(NamedTuple):
 
     def missing(self, mean: Array) -> Array:
         """Return the control (m,) that a mean (m,) over `span` lacks near the walls."""
-        d = self.drift.problem.dynamics
         now = self.drift.walls(self.x)
         then = self.drift.walls(self.x, TUNING.wall_step)
 
         slope = np.zeros(2)
         velocity = self.drift.gains(self.x) @ mean
-        B = d.B_c(self.x)
+        B = self.drift.problem.dynamics.B_c(self.x)
 
         for k in (0, 2):
             c = float(now[k])
@@ -234,7 +231,7 @@ class NearWalls:
     flat: FlatWalls | None = None
 
     @classmethod
-    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None) -> NearWalls:
+    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None) -> "NearWalls":
         """Evaluate the wall drift at x (n,) at the moment of a plan."""
         here = drift(x)
         return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, flat=flat)
@@ -249,6 +246,5 @@ class NearWalls:
             missing = self.flat.missing(mean)
             return mean + missing - self.push, TUNING.unsure * np.abs(missing)
         hard = float(np.linalg.norm(self.push))
-        rest = float(np.linalg.norm(mean))
-        share = hard / (hard + rest) if hard > 0.0 else 0.0
+        share = hard / (hard + float(np.linalg.norm(mean))) if hard > 0.0 else 0.0
         return mean, np.abs(share * (mean - proposed)) + np.abs(self.clipped)

@@ -5,8 +5,6 @@ In noise units, with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's o
 is a function of the seed and its number alone, so that what was not kept is simulated once more.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from functools import cache
@@ -24,7 +22,7 @@ from pirrht.rollouts.law import straight_home
 from pirrht.rollouts.path import Kept, any_path
 from pirrht.rollouts.point_block import blocks_for
 from pirrht.rollouts.step import KernelSpec
-from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
+from pirrht.rollouts.tables import Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_homing
 from pirrht.topology.signature import SignatureKernels
@@ -69,8 +67,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
 
     def sample(setup: Setup, tables: ProposalTables, origin: Origin, start: int, stop: int, paths: Paths) -> None:
         states = np.empty((stop, 0, 0))  # nothing is kept under way
-        applied = np.empty((stop, 0, m))
-        simulate(setup, tables, origin, np.arange(stop), start, stop, paths, states, applied)
+        simulate(setup, tables, origin, np.arange(stop), start, stop, paths, states, np.empty((stop, 0, m)))
 
     def replay(
         setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray, states: Array, applied: Array,
@@ -93,7 +90,7 @@ class Cpu(NamedTuple):
     def of(
         cls, problem: Problem, setup: Setup, classes: SignatureKernels, threads: int | None = None, *,
         fitted: bool = True,
-    ) -> Cpu:  # fmt: skip
+    ) -> "Cpu":  # fmt: skip
         """Choose the kernels of a problem and its classes, by default one thread per core, for `Sampling.fitted`."""
         world = setup.world
         kernels = kernels_for(problem, world.static.kernels, world.moving.kernels, classes, fitted=fitted)
@@ -109,29 +106,6 @@ class Cpu(NamedTuple):
 
         over_ranges(work, S, self.threads if self.kernels.alone < S else 1)
         return paths
-
-    def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
-        """Return states (c, T+1, n) of samples of some numbers (c,), and the steps that each takes (c,)."""
-        return self.replay(setup, tables, origin, number)[::2]
-
-    def controls(
-        self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int
-    ) -> tuple[Array, Array]:
-        """Return weight times control carried (groups, T, m) [control], and the weight under way (groups, T)."""
-        _, T, m = tables.control.shape
-        total = np.zeros((groups, T, m))
-        alive = np.zeros((groups, T))
-
-        for start in range(0, len(chosen.number), TUNING.replayed):
-            part = slice(start, start + TUNING.replayed)
-            group = chosen.group[part]
-            weight = chosen.weight[part]
-            _, applied, steps = self.replay(setup, tables, origin, chosen.number[part])
-            under_way = np.where(np.arange(T) < steps[:, None], weight[:, None], 0.0)
-            for g in range(groups):
-                total[g] += np.sum(weight[group == g, None, None] * applied[group == g], axis=0)
-                alive[g] += np.sum(under_way[group == g], axis=0)
-        return total, alive
 
     def replay(
         self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray
@@ -175,8 +149,7 @@ def kind_of(
     traits = Traits.of(problem)
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     # For samples that outlive their law; among moving obstacles points have one too.
-    straight = moving is not None and traits.free_point and d.homing is no_homing
-    homing = straight_home if straight else d.homing
+    homing = straight_home if moving is not None and traits.free_point and d.homing is no_homing else d.homing
     return KernelSpec(
         drift=as_jitable(d.drift),
         control_block=None if traits.constant_gain else as_jitable(_function(d.control_block)),

@@ -9,7 +9,7 @@ from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import part
 from pirrht.jit.streams import FAR, normals
 from pirrht.rollouts.first_exit import at_crossing
-from pirrht.rollouts.step import KernelSpec, in_plane, pose_noise
+from pirrht.rollouts.step import Clear, KernelSpec, in_plane, pose_noise
 
 
 @cache
@@ -23,19 +23,16 @@ def ended_for(kind: KernelSpec) -> Any:
     isotropic = kind.traits.point  # the noise of a step is its displacement; then an exit cuts both alike
     pose, flat, noise = pose_at(kind.reads), in_plane(len(kind.reads)), pose_noise(kind)
     towards_exit, rim = kind.space.exit, kind.space.rim
-    px, py = kind.reads[:2]
+    px, py = kind.position
 
     @part
     def as_point(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
         """End a step whose noise is its displacement; `moving_wall`: row 0 of moving walls is met."""
         x = scratch.x
-        moved = scratch.moved
         f = scratch.f
-        y = scratch.y
-        B = scratch.B
 
-        dx = moved[0] - x[0] - f[0] * dt
-        dy = moved[1] - x[1] - f[1] * dt
+        dx = scratch.moved[0] - x[0] - f[0] * dt
+        dy = scratch.moved[1] - x[1] - f[1] * dt
 
         if moving and moving_wall:  # at its distance then
             gap, ux, uy, vx, vy = scratch.walls[0]
@@ -44,23 +41,19 @@ def ended_for(kind: KernelSpec) -> Any:
             met = towards_exit(arena, pose(x), exit)
         radius = arena.radius if exit == GOAL else 0.0
         state, dx, dy = at_crossing(met, radius, (dx, dy), share, math.sqrt(variance), state)
-        y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / variance
-        y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / variance
-        moved[0] = x[0] + f[0] * dt * share + dx
-        moved[1] = x[1] + f[1] * dt * share + dy
+        scratch.y[0] = (scratch.B[0, 0] * dx + scratch.B[1, 0] * dy) * dt / variance
+        scratch.y[1] = (scratch.B[0, 1] * dx + scratch.B[1, 1] * dy) * dt / variance
+        scratch.moved[0] = x[0] + f[0] * dt * share + dx
+        scratch.moved[1] = x[1] + f[1] * dt * share + dy
 
         return state, dt * share
 
     @part
     def on_line(scratch, arena, dt, share, rates, state):  # type: ignore[no-untyped-def]
         """End a step along a line at the goal's rim; other noise is that of a bridge."""
-        x = scratch.x
-        moved = scratch.moved
-        y = scratch.y
         B = scratch.B
-        column = scratch.column
 
-        (ex, ey), to_rim, alone = rim(arena, pose(x), noise.scaled(rates, dt))
+        (ex, ey), to_rim, alone = rim(arena, pose(scratch.x), noise.scaled(rates, dt))
         if not alone:
             return state, dt
         xx, _, yy = flat(rates)
@@ -70,15 +63,15 @@ def ended_for(kind: KernelSpec) -> Any:
             z = other
             if j % 2 == 0:
                 state, z, other = normals(state)
-            column[j] = z
-            noisy += (B[px, j] * ex + B[py, j] * ey) * (share * y[j] + spread * z)
+            scratch.column[j] = z
+            noisy += (B[px, j] * ex + B[py, j] * ey) * (share * scratch.y[j] + spread * z)
         for j in range(m):
             along = (B[px, j] * ex + B[py, j] * ey) / size
-            y[j] = share * y[j] + spread * column[j] + along * (to_rim - noisy)
+            scratch.y[j] = share * scratch.y[j] + spread * scratch.column[j] + along * (to_rim - noisy)
         for j in range(n):
-            moved[j] = x[j]
+            scratch.moved[j] = scratch.x[j]
             for k in range(m):
-                moved[j] += B[j, k] * y[k]
+                scratch.moved[j] += B[j, k] * scratch.y[k]
         return state, dt * share
 
     @part
@@ -114,7 +107,7 @@ def exits(kind: KernelSpec) -> Any:
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]
         """Judge a step along the Brownian bridge between its ends."""
-        (dt, now), (before, room, _), weighed = step, clear, tables.weighed
+        (dt, now), (before, room, _) = step, clear
 
         arena = setup.world
         here = pose(scratch.x)
@@ -125,10 +118,10 @@ def exits(kind: KernelSpec) -> Any:
         wall = False
         until = dt
 
-        state, exit, share, missed = bridge(arena, here, there, before, after, cov, weighed, state, along_line)
+        state, exit, share, missed = bridge(arena, here, there, before, after, cov, tables.weighed, state, along_line)
         if moving:
             way = (here[0], here[1], there[0], there[1])
-            rule = (along_line, weighed)
+            rule = (along_line, tables.weighed)
             state, hit, alive = bridge_among(
                 setup.world.moving, scratch.watch, way, now, dt, flat(cov), rule, state, scratch.walls
             )
@@ -138,7 +131,7 @@ def exits(kind: KernelSpec) -> Any:
                 missed += share * alive
         if exit != INSIDE:
             state, until = ended(scratch, arena, dt, exit, share, rates, wall, state)
-        return state, exit, share, until, missed, (after, room, True)
+        return state, exit, share, until, missed, Clear(after, room, True)
 
     @part
     def on_path(setup, scratch, step, move, clear):  # type: ignore[no-untyped-def]
@@ -156,7 +149,7 @@ def exits(kind: KernelSpec) -> Any:
             hit = sweep_among(setup.world.moving, scratch.watch, way, now, dt, share)
             if hit <= share:
                 exit, share = COLLISION, hit
-        return exit, share, (before, room, False)
+        return exit, share, Clear(before, room, False)
 
     @part
     def on_swing(setup, tables, scratch, dt, rates, clear, ahead, state):  # type: ignore[no-untyped-def]
@@ -174,28 +167,29 @@ def exits(kind: KernelSpec) -> Any:
         there = pose(scratch.moved)
         left = max(left, clearance(arena.static, there))
         if min(room, left) > 0.0 and 2.0 * room * left > most:
-            return state, INSIDE, 1.0, 0.0, (before, left, False)
+            return state, INSIDE, 1.0, 0.0, Clear(before, left, False)
         after = distances(arena, there)
-        ahead = (after, max(left, after[0]), True)
+        ahead = Clear(after, max(left, after[0]), True)
         before = before if known else distances(arena, here)
         state, exit, share, missed = bridge(arena, here, there, before, after, cov, tables.weighed, state, False)
         return state, exit, share, missed, ahead
 
     @part
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]
-        (dt, now), until = step, 0.0 if move[0] else step[0]
+        dt, now = step
+        until = 0.0 if move.arrived else dt
         if not setup.bridge:
             there = pose(scratch.moved)
             exit = end(setup.world, there)
             if moving and clearance_among(setup.world.moving, there[0], there[1], now + dt) <= 0.0:
                 exit = COLLISION
-            return state, exit, 1.0, until, 0.0, (distances(setup.world, there), clear[1], True)
+            return state, exit, 1.0, until, 0.0, Clear(distances(setup.world, there), clear.least, True)
         if noisy_position:
-            return on_bridge(setup, tables, scratch, step, move[3], clear, state)
+            return on_bridge(setup, tables, scratch, step, move.rates, clear, state)
         exit, share, after = on_path(setup, scratch, step, move, clear)
         missed = 0.0
         if swings and exit == INSIDE:
-            state, exit, share, missed, after = on_swing(setup, tables, scratch, dt, move[3], clear, after, state)
+            state, exit, share, missed, after = on_swing(setup, tables, scratch, dt, move.rates, clear, after, state)
         return state, exit, share, until, missed, after
 
     return judge

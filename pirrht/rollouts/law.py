@@ -24,8 +24,7 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
     det = B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
     a = (B[1, 1] * dx - B[0, 1] * dy) / det
     b = (B[0, 0] * dy - B[1, 0] * dx) / det
-    size = math.sqrt(a * a + b * b) + 1e-12
-    scale = math.sqrt(2.0 * rate) / size
+    scale = math.sqrt(2.0 * rate) / (math.sqrt(a * a + b * b) + 1e-12)
 
     out[0] = scale * a
     out[1] = scale * b
@@ -42,12 +41,12 @@ def aims(kind: KernelSpec) -> Any:
 
     takes_law, gated, moving = kind.takes_law, kind.gated, kind.moving is not None
     along_noise, homing_of, climbs = pose_noise(kind).along, kind.homing, kind.traits.isotropic_point
-    _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
+    column = law_columns(n, modes)
 
     @part
     def off(x, row, k):  # type: ignore[no-untyped-def]
         """Return how far state k is from that of a law's row at an address."""
-        apart = x[k] - load_float64(row, there + k)
+        apart = x[k] - load_float64(row, column.state + k)
         return wrapped(apart) if (angles >> k) & 1 else apart
 
     @part
@@ -56,7 +55,7 @@ def aims(kind: KernelSpec) -> Any:
         total = 0.0
         for k in range(n):
             apart = off(x, row, k)
-            total += load_float64(row, metric + k) * apart * apart
+            total += load_float64(row, column.metric + k) * apart * apart
         return total
 
     @part
@@ -75,15 +74,14 @@ def aims(kind: KernelSpec) -> Any:
     def row_of(tables, scratch, g, at):  # type: ignore[no-untyped-def]
         """Find the row of a law: the one that is due among moving obstacles, else the one whose state is nearest."""
         law = tables.law
-        led = tables.law_length
         s = scratch.stage[g]
         i, share = at
 
         if moving:
             s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
-        elif s < led[g]:
+        elif s < tables.law_length[g]:
             pitch = 8 * law.shape[2]
-            final = min(led[g], law.shape[1] - 1)
+            final = min(tables.law_length[g], law.shape[1] - 1)
             first = law.ctypes.data + pitch * law.shape[1] * g
             s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x)
         scratch.stage[g] = s
@@ -92,44 +90,39 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def along_row(tables, scratch, g, s):  # type: ignore[no-untyped-def]
         """Write `a` of a law's row s."""
-        law = tables.law
-        x = scratch.x
-        a = scratch.a
-        apart = scratch.apart
 
-        row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
-        steep = load_float64(row, end + 1)
+        row = tables.law.ctypes.data + 8 * tables.law.shape[2] * (tables.law.shape[1] * g + s)
+        steep = load_float64(row, column.steepest)
         for k in range(n):
-            apart[k] = off(x, row, k)
+            scratch.apart[k] = off(scratch.x, row, k)
         for j in range(modes):
-            total = load_float64(row, j)
+            total = load_float64(row, column.mean + j)
             for k in range(n):
-                total += load_float64(row, modes + k * modes + j) * apart[k]
-            a[g, j] = max(-steep, min(steep, total))
+                total += load_float64(row, column.gains + k * modes + j) * scratch.apart[k]
+            scratch.a[g, j] = max(-steep, min(steep, total))
 
     @part
     def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
         """Write `a` of a tube, whose desirability is climbed."""
-        ways = tables.ways
         stage = scratch.stage
         px = np.float32(scratch.x[0])
         py = np.float32(scratch.x[1])
 
-        stage[g] = tube_at(tube_of(ways, g), stage[g], ways.decay, goal, px, py, scratch.tube, 0, 1)
+        stage[g] = tube_at(tube_of(tables.ways, g), stage[g], tables.ways.decay, goal, px, py, scratch.tube, 0, 1)
         c, (wx, wy), d, (vx, vy) = walls
         along_noise(scratch.B, slope_of(scratch.tube, 0, 1, (c, wx, wy, d, vx, vy)), scratch.a, g)
 
     @part
     def along_law(setup, tables, scratch, g, at, headed):  # type: ignore[no-untyped-def]
         """Write `a` of a law, or past its end of homing, which is computed once; return whether it is."""
-        home, world, s = scratch.home, setup.world, row_of(tables, scratch, g, at)
+        world, s = setup.world, row_of(tables, scratch, g, at)
         if s < tables.law_length[g]:
             along_row(tables, scratch, g, s)
             return headed
         if not headed:
-            homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.least_rate, home)
+            homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.least_rate, scratch.home)
         for j in range(modes):
-            scratch.a[g, j] = home[j] if j < m else 0.0
+            scratch.a[g, j] = scratch.home[j] if j < m else 0.0
         return True
 
     @part
@@ -145,12 +138,12 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def aim(setup, tables, scratch, ratio, walls, h, at):  # type: ignore[no-untyped-def]
         """Write them at (step i of the grid, share of it); if nothing is weighed, only that of the one followed, h."""
-        lost, weigh, headed = scratch.lost, ratio.shape[0] > 0, False
+        weigh, headed = ratio.shape[0] > 0, False
         for g in range(0 if weigh else h, scratch.a.shape[0] if weigh else h + 1):
             if takes_law and weigh:
                 # dQ_g/dQ_h is a martingale, so that exp(-lost) is also the expected share of it later; never of h.
-                lost[g] = lost[g] or ratio[g] < ratio[h] - TUNING.negligible
-            if lost[g]:
+                scratch.lost[g] = scratch.lost[g] or ratio[g] < ratio[h] - TUNING.negligible
+            if scratch.lost[g]:
                 continue
             if climbs and tables.ways.count[g] > 0:
                 along_tube(tables, scratch, g, setup.world.goal, walls)

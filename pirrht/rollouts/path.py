@@ -39,7 +39,8 @@ from pirrht.systems.dynamics import no_drift
 from pirrht.topology.signature import NO_CLASSES, SignatureKernels
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, pose_noise, shapes_for, walls_for,
+    NO_WALLS, Clear, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, pose_noise, shapes_for,
+    walls_for,
 )  # fmt: skip
 
 
@@ -47,7 +48,7 @@ from pirrht.rollouts.step import (  # isort: skip
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     m, modes, has_laws = kind.m, kind.modes, kind.takes_law and not kind.gated
-    *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
+    column = law_columns(kind.n, modes)
     matvec = vectors.matvec(modes, modes)
     axpy = vectors.axpy(modes)
     even, steps = modes + modes % 2, kind.abreast
@@ -57,23 +58,21 @@ def log_ratios(kind: KernelSpec) -> Any:
         """Return the term of a law's step."""
         law = tables.law
         drawn = scratch.drawn
-        a = scratch.a
-        off, normal = scratch.off, scratch.normal
+        off = scratch.off
 
         gained, row = 0.0, law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + scratch.stage[g])
         noise, size = scratch.fresh.ctypes.data + 8 * even * (i % steps), dt
         if g != h:  # from what was drawn under h, the noise that g would have had to draw
-            axpy(off.ctypes.data, drawn.ctypes.data, 1.0, a.ctypes.data + 8 * a.shape[1] * g, -dt)
-            matvec(normal.ctypes.data, row + 8 * inverse, off.ctypes.data)
-            noise, size = normal.ctypes.data, 1.0
+            axpy(off.ctypes.data, drawn.ctypes.data, 1.0, scratch.a.ctypes.data + 8 * scratch.a.shape[1] * g, -dt)
+            matvec(scratch.normal.ctypes.data, row + 8 * column.inverse, off.ctypes.data)
+            noise, size = scratch.normal.ctypes.data, 1.0
         for j in range(modes):
             one = load_float64(noise, j)
             gained += drawn[j] * drawn[j] - size * one * one
-        return 0.5 * gained / dt - load_float64(row, end)
+        return 0.5 * gained / dt - load_float64(row, column.log_det)
 
     @part
     def add_log_ratios(ratio, tables, scratch, h, i, dt, until, shaped):  # type: ignore[no-untyped-def]
-        a, y = scratch.a, scratch.y
         for g in range(ratio.shape[0]):
             if scratch.lost[g]:
                 continue
@@ -81,7 +80,7 @@ def log_ratios(kind: KernelSpec) -> Any:
                 ratio[g] += of_law(tables, scratch, g, h, i, dt) if until > 0.0 else 0.0
             else:
                 for j in range(m):
-                    ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
+                    ratio[g] += scratch.a[g, j] * (scratch.y[j] - 0.5 * scratch.a[g, j] * until)
 
     return add_log_ratios
 
@@ -110,9 +109,9 @@ def recorder(kind: KernelSpec) -> Any:
     @part
     def lead(scratch, h, law_weight, without):  # type: ignore[no-untyped-def]
         """Write the fast-changing part of the proposal control to `column`, perhaps without wall drift."""
-        pushed, a = scratch.wall_drift[0], scratch.a
+        pushed = scratch.wall_drift[0]
         for j in range(m):
-            scratch.column[j] = pushed[j] + law_weight * (a[h, j] - pushed[j]) if gated else a[h, j]
+            scratch.column[j] = pushed[j] + law_weight * (scratch.a[h, j] - pushed[j]) if gated else scratch.a[h, j]
             if without:
                 scratch.column[j] -= pushed[j]
             if steady:
@@ -128,18 +127,18 @@ def recorder(kind: KernelSpec) -> Any:
     @part
     def record(keep, scratch, tables, h, where, until, inside):  # type: ignore[no-untyped-def]
         """Add a step of `until` seconds, the first also without wall drift; return the time that is owed."""
-        (i, whole, first), column, y = where, scratch.column, scratch.y
+        (i, whole, first) = where
         near_walls = noisy_position and tables.wall_offset > 0.0
         if i < keep.applied.shape[0]:
             for j in range(m):
-                column[j] = y[j]
+                scratch.column[j] = scratch.y[j]
             add_control(scratch, keep.applied, i, 1.0 / whole)
         if i >= tables.window:
             return 0.0
         owes = near_walls and inside
         lead(scratch, h, tables.law_weight, False)
         for j in range(m):
-            column[j] = y[j] - (0.5 if owes else 1.0) * until * column[j]
+            scratch.column[j] = scratch.y[j] - (0.5 if owes else 1.0) * until * scratch.column[j]
         add_control(scratch, keep.now, 0, 1.0)
         if first:
             lead(scratch, h, tables.law_weight, near_walls)
@@ -156,6 +155,14 @@ class Kept(NamedTuple):
     states: Array  # (T+1, n), written
     applied: Array  # (T, m) control carried up to the exit, as a mean over each step
     now: Array  # (2, m) its integral over the window without the proposal's part; that part at the start, no wall drift
+
+
+class Stretch(NamedTuple):
+    """A stretch of time over which exposure to walls is judged."""
+
+    exposed: float  # until it began [1/sqrt(s)]
+    since: float  # time since then [s]; negative: none has begun
+    began: float  # gap then [m]
 
 
 class Scratch(NamedTuple):
@@ -258,13 +265,12 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     @part
     def begin(setup, tables, origin, scratch):  # type: ignore[no-untyped-def]
         """Set the scratch to the start of a path."""
-        x = scratch.x
         copy_rows(setup.gain, scratch.D)
         copy_rows(setup.inverse, scratch.inverse)
         copy_rows(setup.diffusion, scratch.B)
         scratch.f[:], scratch.wall_drift[:], scratch.stage[:] = 0.0, 0.0, 0
         scratch.lost[:] = False
-        copy_row(origin.x, x)
+        copy_row(origin.x, scratch.x)
         copy_row(origin.x, scratch.moved)
         if moving:
             begin_watch(scratch.watch)
@@ -272,16 +278,16 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     @part
     def evaluate(setup, tables, scratch, known, before, left, now):  # type: ignore[no-untyped-def]
         """Evaluate B, B^-1 G and drift at the state: covariance per second, step, nearest walls."""
-        (rates, drifted, walls), x, p = known, scratch.x, setup.parameters
+        (rates, drifted, walls) = known
         if varying:
-            noise_at(x, p, setup.inverse, scratch.G, scratch.B)
+            noise_at(scratch.x, setup.parameters, setup.inverse, scratch.G, scratch.B)
             rates = covariance(scratch.B)
         if state_dependent_gain:
-            gain_at(x, p, scratch.G)
+            gain_at(scratch.x, setup.parameters, scratch.G)
             solve(scratch.B, scratch.G, scratch.D)
             solve(scratch.G, scratch.B, scratch.inverse)
         if drifting and not drifted:
-            drift(x, p, scratch.f)
+            drift(scratch.x, setup.parameters, scratch.f)
         dt, close = length_of(setup, tables, scratch, rates, before, left, now)
         if noisy_position and tables.wall_offset > 0.0:
             walls = push_of(tables, scratch, setup.world, before, scaled(rates, dt), close)
@@ -289,14 +295,14 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
 
     @part
     def expose(scratch, static, stretch, before, rates, close):  # type: ignore[no-untyped-def]
-        """Judge the stretch of time that ends here: (exposure until now, its time, gap at its beginning)."""
+        """Judge the stretch of time that ends here; return the next one."""
         exposed, since, began = stretch
         if since < 0.0 or since >= TUNING.stretch:
             gap, deviation = gap_of(scratch, static, before, rates, close)
             if since > 0.0:
                 exposed += exposure(np.float32(began), np.float32(gap), np.float32(deviation), np.float32(since))
-            return exposed, 0.0, gap
-        return exposed, since, began
+            return Stretch(exposed, 0.0, gap)
+        return stretch
 
     @part
     def keep_state(keep, i, x):  # type: ignore[no-untyped-def]
@@ -313,7 +319,6 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         """
         times = tables.times
         x = scratch.x
-        moved = scratch.moved
         T = tables.control.shape[1]
 
         begin(setup, tables, origin, scratch)
@@ -322,9 +327,9 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
         key = begin_class(tables.marks, pose(x), scratch.sides)
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
-        stretch = 0.0, -1.0, 0.0  # exposure to walls, and what `expose` judges it by
+        stretch = Stretch(0.0, -1.0, 0.0)
         known = (covariance(scratch.B), False, no_walls)
-        clear = (distances(setup.world, pose(x)), 0.0, True)
+        clear = Clear(distances(setup.world, pose(x)), 0.0, True)
 
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
@@ -332,23 +337,21 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             while left > 0.0 and exit == INSIDE:
                 now = origin.time + times[i] + done
                 where = (i, whole, i == 0 and done == 0.0)
-                rates, dt, walls, close = evaluate(setup, tables, scratch, known, clear[0], left, now)
+                rates, dt, walls, close = evaluate(setup, tables, scratch, known, clear.distances, left, now)
                 if noisy_position:
-                    stretch = expose(scratch, setup.world.static, stretch, clear[0], rates, close)
-                stretch = stretch[0], stretch[1] + dt, stretch[2]
+                    stretch = expose(scratch, setup.world.static, stretch, clear.distances, rates, close)
+                stretch = Stretch(stretch.exposed, stretch.since + dt, stretch.began)
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
                 relax(keep, scratch, h, tables.law_weight, owed)
-                shaped = shapes(setup, dt, whole, rates, clear[0][2])
+                shaped = shapes(setup, dt, whole, rates, clear.distances)
                 state = draw(tables, scratch, state, sign, h, i, dt, shaped)
-                motion_of = move(setup, scratch, dt, rates)
+                step = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
-                there = pose(moved)
+                there = pose(scratch.moved)
                 key += key_of_step(tables.classes, pose(x), there)
-                state, exit, share, until, missed, clear = judge(
-                    setup, tables, scratch, (dt, now), motion_of, clear, state
-                )
-                known = motion_of[3], curved_step and not motion_of[0], walls
+                state, exit, share, until, missed, clear = judge(setup, tables, scratch, (dt, now), step, clear, state)
+                known = step.rates, curved_step and not step.arrived, walls
                 since = (done + (until if until > 0.0 else dt * share)) / whole
                 key += follow_class(tables.marks, i, min(since, 1.0), there, scratch.sides)
                 add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until, shaped)
@@ -356,10 +359,10 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 log_survival += missed
                 work += (q(x, setup.parameters) if varying_rate else setup.rate) * dt * share
                 done += until
-                copy_row(moved, x)
+                copy_row(scratch.moved, x)
             keep_state(keep, i + 1, x)
             if exit != INSIDE:
-                return work, key, exit, i + 1, done, log_survival, stretch[0]
-        return work, key, 0, T, times[T] - times[T - 1], log_survival, stretch[0]
+                return work, key, exit, i + 1, done, log_survival, stretch.exposed
+        return work, key, 0, T, times[T] - times[T - 1], log_survival, stretch.exposed
 
     return one_path, scratch_for(kind)

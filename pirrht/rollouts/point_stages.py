@@ -58,9 +58,7 @@ def scratch_of(H: int) -> tuple[Any, ...]:
     """Allocate a block for H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
     numbers = (aligned(rows * L, np.float32) for rows in (ROWS, 2 * H, H))
     short = aligned((4 + H) * L, np.int32)
-    long = aligned(2 * L, np.int64)
-
-    return *numbers, short, long, aligned(L, np.uint64), aligned(2 * L, np.uint32)
+    return *numbers, short, aligned(2 * L, np.int64), aligned(L, np.uint64), aligned(2 * L, np.uint32)
 
 
 def single(world: World) -> World:

@@ -27,6 +27,23 @@ NO_WALLS = {2: (ONE, (ZERO, ZERO), ONE, (ZERO, ZERO)), 3: (ONE, (ZERO, ZERO, ZER
 SWAY = 1.0 / math.sqrt(12.0)  # deviation of the mean of a step's noise from its middle, in deviations of the noise
 
 
+class Clear(NamedTuple):
+    """Clearance of a state, as far as it is known."""
+
+    distances: Any  # `SpaceKernels.distances`, perhaps those of an earlier state
+    least: float  # clearance at least [m]
+    known: bool  # whether the distances are those of the state
+
+
+class Moved(NamedTuple):
+    """Outcome of a step's motion."""
+
+    arrived: bool  # it enters the goal straight ahead before its noise matters: then that is zero
+    ahead: float  # the share of it until then
+    turn: float  # how much its path bends [rad]
+    rates: Any  # covariance of the pose per second
+
+
 class KernelSpec(NamedTuple):
     """A kind of dynamics and cost rate for which kernels are compiled; functions are numba's."""
 
@@ -45,6 +62,11 @@ class KernelSpec(NamedTuple):
     moving: MovingKernels | None = None  # kernels of moving obstacles; None: they are compiled away
     curved_step: bool = False  # whether paths bend within a step by its noise, of which the mean over it is drawn too
     classes: SignatureKernels | None = None  # kernels of the signature of paths; None: their keys are 0
+
+    @property
+    def position(self) -> tuple[int, ...]:
+        """Indices of the states that are the position."""
+        return self.reads[: self.space.position]
 
     @property
     def noisy_position(self) -> bool:
@@ -127,9 +149,10 @@ def gap_for(kind: KernelSpec) -> Any:
 
     @part
     def gap_of(scratch, static, before, rates, close):  # type: ignore[no-untyped-def]
-        gap = min(before[0], before[1])
+        gap, border, _ = before[:3]
         if along_line:
-            gap = min(facing(static, pose(scratch.x), before, rates), before[1])
+            gap = facing(static, pose(scratch.x), before, rates)
+        gap = min(gap, border)
         gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
         return max(gap, 0.0), math.sqrt(spread(static, rates, along_line))
 
@@ -161,13 +184,13 @@ def length_for(kind: KernelSpec) -> Any:
     def narrowest(tables, scratch, arena, rates, before, left, close):  # type: ignore[no-untyped-def]
         """Return the distance that the step is fitted to, and what fitting scales its square by."""
         scale = 1.0 / (9.0 * spread(arena.static, rates, along_line))
-        gap = before[0]
+        gap, border, to_rim = before[:3]
 
         if along_line and gap > 0.0 and scale * gap * gap < left:
             gap = facing(arena.static, pose(scratch.x), before, rates)
         if moving:
             gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
-        return max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0), scale
+        return max(min(min(gap, border), max(to_rim, TUNING.rim * arena.radius)), 0.0), scale
 
     @part
     def fitted(setup, tables, scratch, rates, before, left, now):  # type: ignore[no-untyped-def]
@@ -308,14 +331,15 @@ def shapes_for(kind: KernelSpec) -> Any:
     noisy_position, gated, flat = kind.noisy_position, kind.gated, in_plane(len(kind.reads))
 
     @part
-    def shapes(setup, dt, whole, rates, to_goal):  # type: ignore[no-untyped-def]
+    def shapes(setup, dt, whole, rates, distances):  # type: ignore[no-untyped-def]
         if gated:
             return False
         if not noisy_position:
             return True
         way = TUNING.entering * math.sqrt(2.0 * setup.least_rate) * dt + TUNING.deviations * math.sqrt(dt)
         xx, _, yy = flat(rates)
-        return dt == whole and to_goal > way * math.sqrt(xx + yy)
+        _, _, to_rim = distances[:3]
+        return dt == whole and to_rim > way * math.sqrt(xx + yy)
 
     return shapes
 
@@ -325,7 +349,7 @@ def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
     m, modes = kind.m, kind.modes
 
-    shape = law_columns(kind.n, modes)[3]
+    column = law_columns(kind.n, modes).deviation
     even = modes + modes % 2
     steps = kind.abreast
 
@@ -335,20 +359,16 @@ def noise_for(kind: KernelSpec) -> Any:
     @part
     def under_law(tables, scratch, state, sign, h, i, dt, shaped):  # type: ignore[no-untyped-def]
         """Draw under a law's step, whose covariance counts where the step is `shaped` by it (`shapes_for`)."""
-        law = tables.law
         drawn = scratch.drawn
-        stage = scratch.stage
-        a = scratch.a
-        fresh = scratch.fresh
 
         if i % steps == 0:  # those of several steps at once where no other draws come between
-            state = fill_normals(state, steps * even // 2, fresh)
-        source = fresh.ctypes.data + 8 * even * (i % steps)
-        if shaped and stage[h] < tables.law_length[h]:
-            row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
-            matvec(drawn.ctypes.data, row + 8 * shape, source)
+            state = fill_normals(state, steps * even // 2, scratch.fresh)
+        source = scratch.fresh.ctypes.data + 8 * even * (i % steps)
+        if shaped and scratch.stage[h] < tables.law_length[h]:
+            row = tables.law.ctypes.data + 8 * tables.law.shape[2] * (tables.law.shape[1] * h + scratch.stage[h])
+            matvec(drawn.ctypes.data, row + 8 * column, source)
             source = drawn.ctypes.data
-        axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), a.ctypes.data + 8 * a.shape[1] * h, dt)
+        axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), scratch.a.ctypes.data + 8 * scratch.a.shape[1] * h, dt)
         for j in range(m):
             scratch.y[j] = drawn[j]
         return state
@@ -358,11 +378,7 @@ def noise_for(kind: KernelSpec) -> Any:
 
 @cache
 def motion(kind: KernelSpec) -> Any:
-    """Build the kernel that writes where a step leads to `moved`.
-
-    It returns whether the step enters the goal straight ahead before its noise matters (then y = 0), the share of it
-    until then, how much its path bends [rad], and the covariance of the position per second.
-    """
+    """Build the kernel that writes where a step leads to `scratch.moved`, and returns how (`Moved`)."""
     n = kind.n
     m = kind.m
     rows = kind.rows
@@ -379,15 +395,14 @@ def motion(kind: KernelSpec) -> Any:
     covariance = pose_noise(kind).covariance
     pose, sweep = pose_at(kind.reads), kind.space.sweep
     onward = vectors.combined(len(kind.reads))
-    px, py = kind.reads[:2]
+    px, py = kind.position
 
     @part
     def shaken(scratch, share):  # type: ignore[no-untyped-def]
         """Add a share of the step's noise to where it leads."""
-        moved, B, y = scratch.moved, scratch.B, scratch.y
         for j in range(rows):
             for k in range(m):
-                moved[fixed + j] += share * B[j, k] * y[k]
+                scratch.moved[fixed + j] += share * scratch.B[j, k] * scratch.y[k]
 
     @part
     def half_way(setup, scratch, dt):  # type: ignore[no-untyped-def]
@@ -395,42 +410,36 @@ def motion(kind: KernelSpec) -> Any:
 
         The mean is by two points about the mean state, apart by the deviation of the state within the step.
         """
-        x = scratch.x
         moved = scratch.moved
-        f = scratch.f
-        B = scratch.B
-        y = scratch.y
-        p = setup.parameters
 
-        copy_row(x, moved)
+        copy_row(scratch.x, moved)
         shaken(scratch, 0.5)
         if not curved_step:
-            drift(moved, p, f)
+            drift(moved, setup.parameters, scratch.f)
             return
-        ahead = scratch.apart
         for k in range(m):
-            scratch.column[k] = math.copysign(SWAY * math.sqrt(y[k] * y[k] + dt), y[k])
-        copy_row(moved, ahead)
+            scratch.column[k] = math.copysign(SWAY * math.sqrt(scratch.y[k] * scratch.y[k] + dt), scratch.y[k])
+        copy_row(moved, scratch.apart)
         for j in range(rows):
             for k in range(m):
-                mean = SWAY * B[j, k] * scratch.drawn[m + k]
-                spread = B[j, k] * scratch.column[k]
+                mean = SWAY * scratch.B[j, k] * scratch.drawn[m + k]
+                spread = scratch.B[j, k] * scratch.column[k]
                 moved[fixed + j] -= mean + spread
-                ahead[fixed + j] -= mean - spread
-        drift(moved, p, f)
-        drift(ahead, p, moved)
+                scratch.apart[fixed + j] -= mean - spread
+        drift(moved, setup.parameters, scratch.f)
+        drift(scratch.apart, setup.parameters, moved)
         for j in range(n):
-            f[j] = 0.5 * (f[j] + moved[j])
+            scratch.f[j] = 0.5 * (scratch.f[j] + moved[j])
 
     @part
     def arrives(setup, scratch, dt):  # type: ignore[no-untyped-def]
         """Check whether the step enters the goal straight ahead, then without noise; return its share until then."""
-        x, f, arena = scratch.x, scratch.f, setup.world
-        here = pose(x)
-        within = arena.radius + math.sqrt(f[px] * f[px] + f[py] * f[py]) * dt
-        if (here[0] - arena.goal[0]) ** 2 + (here[1] - arena.goal[1]) ** 2 >= within * within:
+        f = scratch.f
+        here = pose(scratch.x)
+        within = setup.world.radius + math.sqrt(f[px] * f[px] + f[py] * f[py]) * dt
+        if (here[0] - setup.world.goal[0]) ** 2 + (here[1] - setup.world.goal[1]) ** 2 >= within * within:
             return False, 1.0
-        exit, ahead, _ = sweep(arena, here, onward(1.0, here, dt, pose(f)), 0.0, 0.0)
+        exit, ahead, _ = sweep(setup.world, here, onward(1.0, here, dt, pose(f)), 0.0, 0.0)
         for j in range(m if exit == GOAL else 0):
             scratch.y[j] = 0.0
         return exit == GOAL, ahead
@@ -438,24 +447,20 @@ def motion(kind: KernelSpec) -> Any:
     @part
     def at_middle(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
         """Take drift and noise of the middle of the step; return the covariance per second."""
-        x = scratch.x
-        moved = scratch.moved
-        f = scratch.f
-        p = setup.parameters
 
         for j in range(n):
-            moved[j] = x[j] + 0.5 * f[j] * dt
+            scratch.moved[j] = scratch.x[j] + 0.5 * scratch.f[j] * dt
         shaken(scratch, 0.5)
         if varying:
-            noise_at(moved, p, setup.inverse, scratch.G, scratch.B)
+            noise_at(scratch.moved, setup.parameters, setup.inverse, scratch.G, scratch.B)
             rates = covariance(scratch.B)
         if drifting and (noisy_position or not setup.bridge):
-            drift(moved, p, f)
+            drift(scratch.moved, setup.parameters, scratch.f)
         return rates
 
     @part
     def move(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
-        x, moved, f = scratch.x, scratch.moved, scratch.f
+        moved, f = scratch.moved, scratch.f
 
         arrived = False
         ahead = 1.0
@@ -469,11 +474,11 @@ def motion(kind: KernelSpec) -> Any:
         if stratonovich and not arrived:
             rates = at_middle(setup, scratch, dt, rates)
         for j in range(n):
-            moved[j] = x[j] + f[j] * dt
+            moved[j] = scratch.x[j] + f[j] * dt
         shaken(scratch, 1.0)
         if curved_step and not arrived:  # between two steps its velocity changes, and its path is no chord
             drift(moved, setup.parameters, f)
-            turn = turn_of(vx, vy, f[px], f[py], moved[px] - x[px], moved[py] - x[py], dt)
-        return arrived, ahead, turn, rates
+            turn = turn_of(vx, vy, f[px], f[py], moved[px] - scratch.x[px], moved[py] - scratch.x[py], dt)
+        return Moved(arrived, ahead, turn, rates)
 
     return move

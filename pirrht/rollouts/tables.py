@@ -5,9 +5,9 @@ A tube has cross-sections along a reference; their nodes know the slope of log p
 nodes and cross-sections these are interpolated; behind the last one psi is that of a disc in the open.
 """
 
-from __future__ import annotations
-
+import itertools
 import math
+from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,20 +29,10 @@ if TYPE_CHECKING:  # records hold what geometry and topology build, and need nei
 FINER = TUNING.law_rows
 
 
-def law_shapes(n: int, modes: int) -> tuple[tuple[int, ...], ...]:
-    """Return the shapes of `LawRows` in one row, for n states under noise of so many modes per step."""
-    return (modes,), (n, modes), (n,), (modes, modes), (modes, modes), (), (), (n,)
-
-
-def law_columns(n: int, modes: int) -> list[int]:
-    """Return where each of `LawRows` begins in a row of a law, and last how many numbers there are."""
-    return [0, *np.cumsum([math.prod(shape) for shape in law_shapes(n, modes)]).tolist()]
-
-
 class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
-    world: World  # what is free at (x, t); moving obstacles are predicted on the clock of plans
+    world: "World"  # what is free at (x, t); moving obstacles are predicted on the clock of plans
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
     inverse: Array  # (m, m) G_c^-1 B_c, if constant; in input form s
@@ -56,7 +46,7 @@ class Setup(NamedTuple):
 class PredictedWorld:
     """Holder of the snapshot that sampler, proposals and guides share; one assignment replaces it for all of them."""
 
-    snapshot: tuple[Setup, Signature]
+    snapshot: "tuple[Setup, Signature]"
 
     @property
     def setup(self) -> Setup:
@@ -64,7 +54,7 @@ class PredictedWorld:
         return self.snapshot[0]
 
     @property
-    def homology(self) -> Signature:
+    def homology(self) -> "Signature":
         """Classes of paths, in space and time where obstacles move."""
         return self.snapshot[1]
 
@@ -93,9 +83,7 @@ class DesirabilityTubes(NamedTuple):
 def no_tubes(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
     """Allocate H tubes of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
     place = np.zeros((H, C, PLACE), np.float32)
-    slope = np.zeros((H, C, J, KNOWN), np.float32)
-
-    return DesirabilityTubes(np.zeros(H, np.int64), place, slope, decay)
+    return DesirabilityTubes(np.zeros(H, np.int64), place, np.zeros((H, C, J, KNOWN), np.float32), decay)
 
 
 class ProposalTables(NamedTuple):
@@ -115,7 +103,7 @@ class ProposalTables(NamedTuple):
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T FINER, width): `LawRows`
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
-    classes: Table  # of the signature of paths
+    classes: "Table"  # of the signature of paths
     marks: Any  # `Signature.rays` of the steps, by which classes differ among moving obstacles
     law_weight: float = 1.0  # share of a law that tells how the control changes near the start, where walls push too
 
@@ -138,7 +126,7 @@ class LawRows(NamedTuple):
     metric: Array  # (R, n) weights of squares that tell the nearest x_ref
 
     @classmethod
-    def of(cls, tables: ProposalTables, h: int, n: int, modes: int) -> LawRows:
+    def of(cls, tables: ProposalTables, h: int, n: int, modes: int) -> "LawRows":
         """Return the rows of proposal h for n states and so many modes per step; OptionError: there are no laws."""
         if tables.law.shape[2] == 0:
             raise OptionError(
@@ -147,10 +135,22 @@ class LawRows(NamedTuple):
 
         law = tables.law[h]
         at = law_columns(n, modes)
-        shapes = law_shapes(n, modes)
-
-        rows = zip(at[:-1], at[1:], shapes, strict=True)
+        rows = zip(at[:-1], at[1:], law_shapes(n, modes), strict=True)
         return cls(*(law[:, start:end].reshape(len(law), *shape) for start, end, shape in rows))
+
+
+LawColumns: Any = namedtuple("LawColumns", (*LawRows._fields, "width"))  # type: ignore[misc]
+
+
+def law_shapes(n: int, modes: int) -> LawRows:
+    """Return the shapes of `LawRows` in one row, for n states under noise of so many modes per step."""
+    shapes: Any = (modes,), (n, modes), (n,), (modes, modes), (modes, modes), (), (), (n,)
+    return LawRows._make(shapes)
+
+
+def law_columns(n: int, modes: int) -> Any:
+    """Return in which column of a law each of `LawRows` begins, and the `width` of a row, as fields."""
+    return LawColumns(*itertools.accumulate(map(math.prod, law_shapes(n, modes)), initial=0))
 
 
 class Origin(NamedTuple):
@@ -159,14 +159,6 @@ class Origin(NamedTuple):
     x: Array  # (n,) state they start from
     seed: np.uint64
     time: float = 0.0  # when they do, on the clock of moving obstacles [s]
-
-
-class Chosen(NamedTuple):
-    """Samples that are simulated again, and what they count in which group."""
-
-    number: NDArray[np.int64]  # (c,) from 0 to S
-    group: NDArray[np.int64]  # (c,)
-    weight: Array  # (c,)
 
 
 class Paths(NamedTuple):
@@ -238,9 +230,7 @@ def tube_of(tubes, g):  # type: ignore[no-untyped-def]
     """Return a tube as `tube_at` takes it: addresses of its sections and nodes, last section, and J."""
     _, C, J, _ = tubes.slope.shape
     place = tubes.place.ctypes.data + 4 * PLACE * g * C
-    slope = tubes.slope.ctypes.data + 4 * KNOWN * g * C * J
-
-    return place, slope, tubes.count[g] - 1, J
+    return place, tubes.slope.ctypes.data + 4 * KNOWN * g * C * J, tubes.count[g] - 1, J
 
 
 @part
@@ -318,8 +308,6 @@ def slope_along(tubes, g, goal, x, y, walls, out):  # type: ignore[no-untyped-de
     """Write grad log psi [1/m] at (x, y) [m] in tube g to out (2,); goal's centre [m] and walls as of `slope_of`."""
     x, y = np.float32(x), np.float32(y)
     numbers = np.empty(NUMBERS, np.float32)
-    tube = tube_of(tubes, g)
-
-    tube_at(tube, 0, tubes.decay, goal, x, y, numbers, 0, 1)
+    tube_at(tube_of(tubes, g), 0, tubes.decay, goal, x, y, numbers, 0, 1)
     c, (nx, ny), d, (mx, my) = walls
     out[0], out[1] = slope_of(numbers, 0, 1, (c, nx, ny, d, mx, my))

@@ -21,7 +21,6 @@ class RolloutTuning(NamedTuple):
     deviations: float = 6.0  # of noise, beyond that way
     lanes: int = 512  # paths of a block of points: fewer take more time between loops, more leave the cache
     vector: int = 16  # lanes of a vector instruction; the last vector of a loop may hold lanes that have ended
-    replayed: int = 2048  # samples simulated again at once: their states and controls take memory
     alone_points: int = 2400  # samples of a point that one thread simulates before a second one is awake
     alone: int = 64  # those of another system
 

@@ -13,8 +13,6 @@ The paths are cubic, p(s) = p0 + v0 s + c0 s^2 / 2 + c1 s^3 / 6: in a time tau t
 |a|max tau^2 / 2. That bound is what certificates march by.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cache
@@ -221,9 +219,8 @@ def _pairs_of(space: SpaceKernels, classes: SignatureKernels) -> Any:
 
 
 def _kernels(around: Surroundings) -> MotionKernels:
-    space = around.static.kernels
-    pairs = _pairs_of(space, around.classes.kernels)
-    return MotionKernels(_entry, _cut, _certify_for(space), pairs, _most, _between)
+    pairs = _pairs_of(around.static.kernels, around.classes.kernels)
+    return MotionKernels(_entry, _cut, _certify_for(around.static.kernels), pairs, _most, _between)
 
 
 CUBICS = MotionKind(_kernels, _free, _trajectory)
@@ -308,7 +305,7 @@ class MassSteering(CompiledSteering):
         check_positive(self, "q", "r", "top")
 
     @classmethod
-    def of(cls, problem: Problem) -> MassSteering:
+    def of(cls, problem: Problem) -> "MassSteering":
         """Take the optimum of a mass that controls accelerate, q constant, R a multiple of I; else OptionError."""
         d = problem.dynamics
         if d.control_kind != "acceleration":
@@ -316,9 +313,9 @@ class MassSteering(CompiledSteering):
         R = problem.control_cost(np.zeros(4))
         if not np.allclose(R, R[0, 0] * np.eye(2)):
             raise OptionError("cubic motions are optimal only for R a multiple of the identity; bring a Steering")
-        q, r = problem.least_rate, float(R[0, 0])
+        r = float(R[0, 0])
         across = float(np.hypot(*(problem.scene.upper - problem.scene.lower)))
-        return cls(q=q, r=r, top=1.5 * across / (4.5 * r * across**2 / q) ** 0.25)
+        return cls(q=problem.least_rate, r=r, top=1.5 * across / (4.5 * r * across**2 / problem.least_rate) ** 0.25)
 
     @property
     def numbers(self) -> tuple[float, ...]:

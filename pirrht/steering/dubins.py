@@ -4,8 +4,6 @@ Six words suffice: two arcs with a straight piece between, LSL, RSR, LSR, RSL, a
 The centres of the outer circles fix the straight piece or the middle circle.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -176,7 +174,7 @@ class Dubins(CompiledSteering):
         check_positive(self, "V", "rho", "tightness")
 
     @classmethod
-    def of(cls, problem: Problem) -> Dubins:
+    def of(cls, problem: Problem) -> "Dubins":
         """Take the curves of a car at constant speed (the paper's second example); OptionError for another dynamics."""
         car: Any = problem.dynamics
         if car.control_kind != "turn rate":

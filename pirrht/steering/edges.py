@@ -1,7 +1,5 @@
 """Judge proposed motions: whether they are free, end in the goal, change the class."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -75,11 +73,11 @@ class EdgeChecker:
 
     def until_goal(self, path: Any) -> Any:
         """Cut a path of consecutive motions where the last first enters the goal's disc."""
-        last, kernels = len(path.cost) - 1, self.kernels
-        s = kernels.entry(path, last, self.around)
+        last = len(path.cost) - 1
+        s = self.kernels.entry(path, last, self.around)
         if s < np.inf:
             path = copied(path)
-            kernels.cut(path, last, s)
+            self.kernels.cut(path, last, s)
         return path
 
 

@@ -4,8 +4,6 @@ Vertices are x, y [m] and t [s] on a tree's clock, joined by legs: straight line
 that cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and the best speed there is sqrt(2 q / r).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -55,7 +53,7 @@ class InTime(CompiledSteering):
             raise OptionError(f"the limit of speeds is {self.speed:g}; it must be a number [m/s], 0 for none")
 
     @classmethod
-    def of(cls, problem: Problem, speed: float = 0.0, pace: float | None = None) -> InTime:
+    def of(cls, problem: Problem, speed: float = 0.0, pace: float | None = None) -> "InTime":
         """Take legs of a point, or for another system to track at its best speed `pace`, at most at a speed [m/s].
 
         None for a pace: that of least cost per meter. OptionError: the cost tells no pace, or the limit is no speed.

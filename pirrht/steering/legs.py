@@ -1,7 +1,5 @@
 """Legs: straight lines in space and time at a constant speed, and what is free, crossed and paid along them."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any
@@ -84,8 +82,7 @@ def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
     a = np.array([ax, ay])
     b = np.array([bx, by])
 
-    static = space.static
-    sure = static.kernels.certify_piece(static, (ax, ay), (bx, by), True) == FREE
+    sure = space.static.kernels.certify_piece(space.static, (ax, ay), (bx, by), True) == FREE
     if not sure and not space.collision.segments_free(a[None], b[None])[0]:
         return False
     return not space.moving.meets(a, s, b, t)

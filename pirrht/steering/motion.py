@@ -2,8 +2,6 @@
 
 Arcs and straight pieces at one speed are the motions of planar curves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -53,8 +51,7 @@ class Legs(NamedTuple):
 
     def places(self, times: Array) -> Array:
         """Place a path of consecutive legs at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
-        knots = self.knots
-        return np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
+        return np.column_stack([np.interp(times, self.knots[:, 2], self.knots[:, k]) for k in (0, 1)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +75,7 @@ class Trajectory:
         lines = self.path.points(SPACING)
         return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
-    def faster(self, times: float) -> Trajectory:
+    def faster(self, times: float) -> "Trajectory":
         """Drive the path so many times as fast, for a system that controls move."""
         return replace(self, controls=times * self.controls, durations=self.durations / times)
 
@@ -119,7 +116,7 @@ class Surroundings(NamedTuple):
     traffic: Moving  # J obstacles
 
     @classmethod
-    def of(cls, space: FreeSpace, homology: Signature) -> Surroundings:
+    def of(cls, space: FreeSpace, homology: Signature) -> "Surroundings":
         """Take an examined scene and the classes of paths in it."""
         x, y = space.scene.goal.center.tolist()
         return cls(
@@ -190,12 +187,11 @@ def _length(curves, i):  # type: ignore[no-untyped-def]
 @part
 def _entry(curves, i, around):  # type: ignore[no-untyped-def]
     start = curves.start[i]
-    x, y = around.goal_x, around.goal_y
     radius = around.goal_radius
 
-    if math.hypot(start[0] - x, start[1] - y) > 1.001 * (radius + _length(curves, i)):
+    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (radius + _length(curves, i)):
         return np.inf
-    return entry_of_curve(start, curves.curvature[i], curves.length[i], x, y, radius)
+    return entry_of_curve(start, curves.curvature[i], curves.length[i], around.goal_x, around.goal_y, radius)
 
 
 @part

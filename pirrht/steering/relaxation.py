@@ -58,7 +58,7 @@ def resumed(
     x: Array, path: Legs, connect: Connect, numbers: tuple[float, ...], checker: EdgeChecker
 ) -> Legs | None:  # fmt: skip
     """Shorten the rest of a path from x (3,) [m, m, s] near it, in any class; None if none is left or free."""
-    goal, radius, knots = checker.space.scene.goal, checker.space.scene.robot_radius, path.knots
+    knots = path.knots
     soon = x[2] + TUNING.soon * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
     knots = np.vstack([x, knots[knots[:, 2] > soon]])
     if len(knots) < 2:
@@ -67,8 +67,8 @@ def resumed(
         moved = knots.copy()
         if margin > 0.0:
             relax = relaxation(checker.space.static.kernels, checker.space.moving.kernels)
-            relax(checker.around, numbers, moved, margin, radius, len(TUNING.weights) - 1)
-        moved[-1, :2] = _into(moved[-1, :2], goal)
+            relax(checker.around, numbers, moved, margin, checker.space.scene.robot_radius, len(TUNING.weights) - 1)
+        moved[-1, :2] = _into(moved[-1, :2], checker.space.scene.goal)
         found: Legs = checker.until_goal(connect(moved[:-1], moved[1:]))
         if _judged(found, checker)[0]:
             return found

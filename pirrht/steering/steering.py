@@ -99,9 +99,8 @@ class Steering(ABC):
 
     def reads(self, space: FreeSpace) -> tuple[int, ...]:
         """Return indices of a vertex' numbers that the footprint of an examined scene reads."""
-        kernels = space.static.kernels
-        heading = (self.heading,) if kernels.turns and self.heading is not None else ()
-        return (*range(kernels.position), *heading)
+        heading = (self.heading,) if space.static.kernels.turns and self.heading is not None else ()
+        return (*range(space.static.kernels.position), *heading)
 
     def homology(self, space: FreeSpace) -> Signature:
         """Signature of its paths in an examined scene; here about static obstacles only."""
@@ -160,13 +159,13 @@ class Steering(ABC):
 
         `origin` (n,) is where the robot is; None: the start. A `goal_share` of them is moved into the goal's disc.
         """
-        goal, drawn = space.scene.goal, np.empty((count, self.n))
+        drawn = np.empty((count, self.n))
         for x in drawn:
             x[:] = self.sample(space.scene, rng)
             if rng.random() < goal_share:
                 angle = rng.uniform(-np.pi, np.pi)
-                radius = goal.radius * np.sqrt(rng.random())
-                x[:2] = goal.center + radius * np.array([np.cos(angle), np.sin(angle)])
+                radius = space.scene.goal.radius * np.sqrt(rng.random())
+                x[:2] = space.scene.goal.center + radius * np.array([np.cos(angle), np.sin(angle)])
         return drawn
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:

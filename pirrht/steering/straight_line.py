@@ -5,8 +5,6 @@ state has. Costs are the point's, so classes are ordered by length. Proposals al
 track a reference first, from the system's state, and then save where the true cost allows.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -92,7 +90,7 @@ class StraightLine(Lines):
     cost_rate: float = 2.0  # q + u'Ru/2 at that speed [cost/s]
 
     @classmethod
-    def of(cls, problem: Problem) -> StraightLine:
+    def of(cls, problem: Problem) -> "StraightLine":
         """Take a point's line for q constant and R a multiple of I (q = 1, R = 2I: speed 1); else OptionError."""
         d = problem.dynamics
         if not Traits.of(problem).point:
@@ -103,8 +101,7 @@ class StraightLine(Lines):
         R = problem.control_cost(np.zeros(problem.dynamics.n))
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):
             raise OptionError("straight lines are optimal only for R a multiple of the identity; bring a Steering")
-        speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
-        return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
+        return cls(pace=float(np.sqrt(2.0 * problem.least_rate / R[0, 0])), cost_rate=2.0 * problem.least_rate)
 
     cost_per_meter = property(lambda self: self.cost_rate / self.pace, doc="Cost rate over speed [cost/m].")
 
@@ -122,7 +119,7 @@ class Tracked(Lines):
     drives = False
 
     @classmethod
-    def of(cls, problem: Problem, pace: float | None = None) -> Tracked:
+    def of(cls, problem: Problem, pace: float | None = None) -> "Tracked":
         """Take lines for any problem at a pace [m/s]; None: that at which the problem's cost per meter is least.
 
         OptionError: the pace is not positive, or the cost tells none.

@@ -125,7 +125,7 @@ def lines_with_turns(reverses: bool) -> MotionKind:
         out[0] = motions.start[i, 0] + length * math.cos(way)
         out[1] = motions.start[i, 1] + length * math.sin(way)
         out[2], _ = heading_along(motions, i)
-        return True
+        return length >= 0.0  # numba hands no literal to Python
 
     @cache
     def certify_for(space: SpaceKernels) -> Any:

@@ -6,10 +6,8 @@ equal buckets tells where a sector begins. Markers of a sector are tested exactl
 markers there are: its turns are (marker, turn) pairs, all other integers are 0 and never written down.
 """
 
-from __future__ import annotations
-
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +15,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import along, center_of, turns_of_chord, turns_of_piece
 from pirrht.jit.jit import borrowing, inlined, load_float64, load_int32, load_int64
-
-FEW_MARKERS = 8  # up to so many markers are all tested: measured as faster than finding their sector
-SECTOR_MARGIN = 1e-9  # sectors are widened by so much for rounding, of 4 for a whole turn
-GOAL_MARGIN = 1e-6  # a segment that passes the goal point this close, against its length, tests all markers
+from pirrht.jit.records import Held
+from pirrht.topology.tuning import TUNING
 
 
 class CutTable(NamedTuple):
@@ -37,25 +33,21 @@ class CutTable(NamedTuple):
     marker: int  # address of int32 (2M,): their indices in all signatures
 
 
-class Cuts(CutTable):
+class Cuts(Held, CutTable):
     """A `CutTable` together with the arrays that its addresses point to."""
 
-    arrays: tuple[NDArray[Any], ...]
-
     @classmethod
-    def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> Cuts:
+    def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> "Cuts":
         """Sort markers (M, 2) around the goal point (2,) [m]; `weights` (M,) are the additive keys of one turn."""
         M = len(markers)
-        B = M if FEW_MARKERS < M else 1
+        B = M if TUNING.few_markers < M else 1
         away = np.array([direction(dx, dy) for dx, dy in markers - goal]).reshape(M)
         order = np.argsort(away, kind="stable")
         start = np.searchsorted(np.minimum((away[order] * (0.25 * B)).astype(np.int64), B - 1), np.arange(B + 1))
         twice = np.concatenate([order, order])
         x, y = (np.ascontiguousarray(column[twice]) for column in markers.T)
         arrays = np.concatenate([start[:B], start + M]).astype(np.int32), x, y, weights[twice], twice.astype(np.int32)
-        cuts = cls(float(goal[0]), float(goal[1]), M, B, *(array.ctypes.data for array in arrays))
-        cuts.arrays = arrays
-        return cuts
+        return cls.holding(float(goal[0]), float(goal[1]), M, B, *arrays)
 
 
 @inlined
@@ -84,17 +76,17 @@ def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     cross = ux * vy - uy * vx
     dot = ux * vx + uy * vy
 
-    if dot <= 0.0 and abs(cross) <= -GOAL_MARGIN * dot:
+    if dot <= 0.0 and abs(cross) <= -TUNING.goal_margin * dot:
         return 0, cuts.M
     low = direction(ux, uy)
     high = direction(vx, vy)
 
     if cross < 0.0:
         low, high = high, low
-    if high < low - SECTOR_MARGIN:
+    if high < low - TUNING.sector_margin:
         high += 4.0
-    first = math.floor((low - SECTOR_MARGIN) * 0.25 * B)
-    last = math.floor((high + SECTOR_MARGIN) * 0.25 * B)
+    first = math.floor((low - TUNING.sector_margin) * 0.25 * B)
+    last = math.floor((high + TUNING.sector_margin) * 0.25 * B)
     if first < 0:
         first = first + B
         last = last + B
@@ -148,7 +140,7 @@ def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 def keys_of_steps(cuts, f, rows, n, keys, at):  # type: ignore[no-untyped-def]
     """Add the keys of n segments, (x, y) to (to_x, to_y) [m] in f from four places on, to `keys` from `at` on."""
     X, Y, NX, NY = rows
-    if FEW_MARKERS < cuts.M:
+    if TUNING.few_markers < cuts.M:
         for k in range(n):
             keys[at + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
         return

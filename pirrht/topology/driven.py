@@ -1,7 +1,5 @@
 """Follow the class of the path that a run has driven, and is expected to drive."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

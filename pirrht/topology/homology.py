@@ -1,7 +1,5 @@
 """Classes of planar paths about static and moving obstacles: rays that they cross, and angles (paper, section IV-A)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -23,30 +21,30 @@ from pirrht.topology.tracks import NO_TRACKS, MarkerTrajectories, places_at, tra
 @kernel
 def base(table, x, out):  # type: ignore[no-untyped-def]
     """Write H of the base from x, 2 or 3 [m, m, s], to `out` (M,) [turns]: about static markers, then moving ones."""
-    cuts, tracks = table.cuts, table.tracks
+    cuts = table.cuts
     gx, gy = cuts.goal_x, cuts.goal_y
 
     for k in range(cuts.M):
         mx = load_float64(cuts.x, k)
         my = load_float64(cuts.y, k)
         out[load_int32(cuts.marker, k)] = straight_turns(x[0], x[1], mx, my, gx, gy)
-    for j in range(tracks.J):
+    for j in range(table.tracks.J):
         out[cuts.M + j] = 0.0
         if x[2] < math.inf:
             arrival = x[2] + math.hypot(gx - x[0], gy - x[1]) / table.speed
-            out[cuts.M + j] = turns_of_step(tracks, j, (x[0], x[1], x[2]), (gx, gy, arrival))
+            out[cuts.M + j] = turns_of_step(table.tracks, j, (x[0], x[1], x[2]), (gx, gy, arrival))
 
 
 @kernel
 def turns(table, a, b, out):  # type: ignore[no-untyped-def]
     """Add H of a straight step from a to b, (3) each [m, m, s], to `out` (M,) [turns]."""
-    cuts, tracks = table.cuts, table.tracks
+    cuts = table.cuts
     for k in range(cuts.M):
         x = load_float64(cuts.x, k)
         y = load_float64(cuts.y, k)
         out[load_int32(cuts.marker, k)] += turns_of_chord(a[0] - x, a[1] - y, b[0] - x, b[1] - y)
-    for j in range(tracks.J):
-        out[cuts.M + j] += turns_of_step(tracks, j, a, b)
+    for j in range(table.tracks.J):
+        out[cuts.M + j] += turns_of_step(table.tracks, j, a, b)
 
 
 @inlined
@@ -112,20 +110,20 @@ class Homology(Signature):
         return PlanarTable(self.cuts, self.tracks, self.speed)
 
     @property
-    def static(self) -> Homology:
+    def static(self) -> "Homology":
         """Signature about the static markers only (J = 0)."""
         return replace(self, names=(), tracks=NO_TRACKS) if self.J else self
 
-    def with_goal(self, goal: Array) -> Homology:
+    def with_goal(self, goal: Array) -> "Homology":
         """Signature about the same markers for another goal point (2,) [m]."""
         return replace(self, goal=goal)
 
-    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> Homology:
+    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> "Homology":
         """Signature about the same static markers and other moving obstacles."""
         names, tracks = trajectories_of(movers, footprint, self.goal)
         return replace(self, names=names, tracks=tracks)
 
-    def with_speed(self, speed: float) -> Homology:
+    def with_speed(self, speed: float) -> "Homology":
         """Signature about the same markers with bases at another speed [m/s]."""
         return replace(self, speed=speed)
 
@@ -134,9 +132,7 @@ class Homology(Signature):
         if not self.J:
             return NO_RAYS
         weight = self.hash_weights[len(self.markers) :]
-        arrival = self.arrival(self.at(x, float(times[0])))
-
-        return RayTable.of(self.tracks, weight, self.goal, x, times, arrival)
+        return RayTable.of(self.tracks, weight, self.goal, x, times, self.arrival(self.at(x, float(times[0]))))
 
     def places(self, times: Array) -> Array:
         """Places of moving markers at times (T,) [s], (J, T, 2) [m]."""

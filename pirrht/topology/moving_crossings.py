@@ -9,8 +9,6 @@ point; the crossings of the base are taken off once. With g the goal point seen 
 seen from the goal point, a path is on the ray where g x r = 0 and g . r + g . g < 0.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 
@@ -22,7 +20,6 @@ from pirrht.jit.jit import inlined, kernel, load_float64, load_int64, part
 from pirrht.topology.crossings import Cuts, crossed
 from pirrht.topology.tracks import (
     BOX,
-    BOX_SPAN,
     MarkerTrajectories,
     crossing,
     crossings_of_step,
@@ -31,9 +28,7 @@ from pirrht.topology.tracks import (
     rows_of,
     seen_from,
 )
-
-OUTSIDE_MARGIN = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
-BASE_PIECE = 0.02  # the base of sampled paths is evaluated so often [s]: rays hardly turn in between
+from pirrht.topology.tuning import TUNING
 
 
 class MarkerTable(NamedTuple):
@@ -51,10 +46,10 @@ def crossings_of_leg(markers, a, b, to_goal, marker, turn, count):  # type: igno
     It goes from a to b, (3) each [m, m, s]; `to_goal`: b is where it enters the goal's disc, and goes on to the goal
     point. There are `count` pairs already; `markers` is a record with the fields of `MarkerTable`.
     """
-    cuts, tracks = markers.cuts, markers.tracks
+    cuts = markers.cuts
     count = crossed(cuts, a[0], a[1], b[0], b[1], marker, turn, count)
-    for j in range(tracks.J):
-        whole = whole_turns(tracks, j, (cuts.goal_x, cuts.goal_y), markers.speed, a, b, to_goal)
+    for j in range(markers.tracks.J):
+        whole = whole_turns(markers.tracks, j, (cuts.goal_x, cuts.goal_y), markers.speed, a, b, to_goal)
         if whole != 0:
             marker[count], turn[count] = cuts.M + j, whole
             count += 1
@@ -119,9 +114,9 @@ def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
         if period > 0.0:
             own -= max(math.floor(own / period), 0.0) * period
             left = period - own
-        i = min(max(int(own / BOX_SPAN), 0), last - box - 1)
+        i = min(max(int(own / TUNING.box_span), 0), last - box - 1)
         if period > 0.0 or i < last - box - 1:
-            left = min(left, (i + 1) * BOX_SPAN - own)
+            left = min(left, (i + 1) * TUNING.box_span - own)
         at = tracks.boxes + 8 * BOX * (box + i)
 
         one = one and _beyond(first, at)
@@ -151,7 +146,7 @@ def _beyond(line, box):  # type: ignore[no-untyped-def]
     x = load_float64(box, 0 if a > 0.0 else 2)
     y = load_float64(box, 1 if b > 0.0 else 3)
 
-    return a * x + b * y - c > OUTSIDE_MARGIN
+    return a * x + b * y - c > TUNING.outside_margin
 
 
 class RayTable(NamedTuple):
@@ -166,12 +161,12 @@ class RayTable(NamedTuple):
     @classmethod
     def of(
         cls, tracks: MarkerTrajectories, weight: IntArray, goal: Array, x: Array, times: Array, arrival: float
-    ) -> RayTable:
+    ) -> "RayTable":
         """Mark paths from x (n,) over steps that end at times (T + 1,); its base arrives at a time [s].
 
         `weight` (J,) are the additive keys of one turn, `goal` (2,) is the goal point [m].
         """
-        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / BASE_PIECE))
+        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / TUNING.base_piece))
         base = x[:2] + np.linspace(0.0, 1.0, len(fine))[:, None] * (goal - x[:2])
         seen, along = (_goal_seen(tracks, goal, some) for some in (times, fine))
         goal_x, goal_y = goal.tolist()
@@ -234,14 +229,14 @@ def watch(marks):  # type: ignore[no-untyped-def]
 @part
 def begin(marks, x, watch):  # type: ignore[no-untyped-def]
     """Note the sides of rays on which a path from a position x begins; return its first additive key."""
-    side, spot = watch.side, watch.spot
+    spot = watch.spot
     spot[0] = 0.0
     spot[1] = 0.0
     spot[2] = x[0] - marks.goal_x
     spot[3] = x[1] - marks.goal_y
 
-    for j in range(side.shape[0]):
-        side[j], _ = side_of_ray(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
+    for j in range(watch.side.shape[0]):
+        watch.side[j], _ = side_of_ray(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
     return np.int64(marks.opening)
 
 

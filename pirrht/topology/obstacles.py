@@ -5,8 +5,6 @@ has no marker. An inflated shape P_i is the set of planar points p with d_i(p) a
 distance from a convex solid, is convex, and so is every minimisation below.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,9 +13,9 @@ import numpy as np
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Obstacle
+from pirrht.topology.tuning import TUNING
 
 NOWHERE = np.full(2, np.inf)
-CUT_ROUNDS = 100  # parts cut off before two inflated shapes count as apart: each takes 37 % of the area
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,8 +73,8 @@ def continued(
         found = (i for i in near if collision.obstacle_distance(i, marker[None])[0] <= radius)
         return next((part_of[i] for i in found if i in part_of), None)
 
-    lower, upper = collision.world.lower, collision.world.upper
-    gone = Component(members=(), names=(), marker=2.0 * upper - lower, joins_border=False)
+    upper = collision.world.upper
+    gone = Component(members=(), names=(), marker=2.0 * upper - collision.world.lower, joins_border=False)
     covers = [None if old.marker is None else cover(old.marker) for old in before]
     new = iter([part for part in parts if part.marker is not None and part not in covers])
     found = []
@@ -89,10 +87,9 @@ def continued(
     return tuple(found)
 
 
-def _component(planar: _Planar, members: list[int]) -> Component | None:
-    world = planar.world
+def _component(planar: "_Planar", members: list[int]) -> Component | None:
     distinct = np.unique(planar.collision.first[members]).tolist()
-    inside = [i for i in distinct if planar.common(i, i, world.lower, world.upper) is not None]
+    inside = [i for i in distinct if planar.common(i, i, planar.world.lower, planar.world.upper) is not None]
     if not inside:
         return None
     border = any(map(planar.leaves, inside))
@@ -165,7 +162,7 @@ class _Planar:
         if np.any(low > high):
             return None
         polygon = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-        for _ in range(CUT_ROUNDS):
+        for _ in range(TUNING.cut_rounds):
             center, area = _centroid(polygon)
             excess = {k: self.distance(k, *center) - self.radius + shrunk for k in {i, j}}
             if max(excess.values()) <= 0:
@@ -194,9 +191,8 @@ class _Planar:
 
     def leaves(self, i: int) -> bool:
         """Return whether some of P_i is not in the workspace."""
-        world = self.world
-        sides = [(-NOWHERE, np.where(axis, world.lower, np.inf)) for axis in np.eye(2, dtype=bool)]
-        sides += [(np.where(axis, world.upper, -np.inf), NOWHERE) for axis in np.eye(2, dtype=bool)]
+        sides = [(-NOWHERE, np.where(axis, self.world.lower, np.inf)) for axis in np.eye(2, dtype=bool)]
+        sides += [(np.where(axis, self.world.upper, -np.inf), NOWHERE) for axis in np.eye(2, dtype=bool)]
         return any(self.meeting_point(i, i, *side) is not None for side in sides)
 
     def center(self, i: int) -> Array:

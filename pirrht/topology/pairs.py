@@ -1,7 +1,5 @@
 """Write classes down as (obstacle, turn) pairs, since most paths turn about a few of many obstacles."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

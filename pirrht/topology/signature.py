@@ -4,8 +4,6 @@ A kind of signatures is a set of kernels, and a class that makes the numbers tha
 `topology/` calls the kernels by their record, and imports no kind.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cache
@@ -89,7 +87,7 @@ class Signature(ABC):
         >>> from pirrht import Homology
         >>> homology = Homology(markers=np.array([[2.0, 0.0]]), goal=np.array([5.0, 0.0]))
         >>> homology.base(np.array([2.0, -1.0]))  # H of the straight line to the goal [turns]
-        array([0.19879181])
+        array([0.25])
         >>> homology.crossings(np.array([1.0, -1.0]), np.array([1.0, 1.0]))  # (obstacle, turn) pairs
         [(0, -1)]
         >>> homology.along(np.array([[3.0, 1.0], [1.0, 1.0], [1.0, -1.0], [3.0, -1.0], [3.0, 1.0]]))  # once around
@@ -122,19 +120,19 @@ class Signature(ABC):
         """Numbers that its kernels take."""
 
     @property
-    def static(self) -> Signature:
+    def static(self) -> "Signature":
         """Signature about the static obstacles only; here there are no others."""
         return self
 
     @abstractmethod
-    def with_goal(self, goal: Array) -> Signature:
+    def with_goal(self, goal: Array) -> "Signature":
         """Signature about the same obstacles for another goal point (d,) [m]."""
 
     @abstractmethod
-    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> Signature:
+    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> "Signature":
         """Signature about the same static obstacles and other moving ones."""
 
-    def with_speed(self, speed: float) -> Signature:
+    def with_speed(self, speed: float) -> "Signature":
         """Signature with bases at another speed [m/s], which only moving obstacles depend on."""
         return self
 
@@ -159,8 +157,7 @@ class Signature(ABC):
     def base(self, x: Array) -> Array:
         """H of the base from a point x, (M,) [turns], without the leading 1; 0 about moving markers at an open time."""
         out = np.empty(self.M)
-        table = self.table
-        table.kernels.base(table, np.ascontiguousarray(x, dtype=float), out)
+        self.table.kernels.base(self.table, np.ascontiguousarray(x, dtype=float), out)
         return out
 
     def crossings(self, a: Array, b: Array) -> list[tuple[int, int]]:
@@ -174,17 +171,15 @@ class Signature(ABC):
         marker = np.empty(pairs, np.int32)
         turn = np.empty(pairs, np.int16)
 
-        table = self.table
-        add, _ = _along_with(table.kernels, len(self.goal) + 1)
-        count = add(table, self._timed(path), marker, turn)
+        add, _ = _along_with(self.table.kernels, len(self.goal) + 1)
+        count = add(self.table, self._timed(path), marker, turn)
         return spread(marker[:count], turn[:count], self.M)
 
     def turns(self, path: Array) -> Array:
         """H of a path of k points whose times do not fall, (M,) [turns], without the leading 1."""
         out = np.zeros(self.M)
-        table = self.table
-        _, add = _along_with(table.kernels, len(self.goal) + 1)
-        add(table, self._timed(path), out)
+        _, add = _along_with(self.table.kernels, len(self.goal) + 1)
+        add(self.table, self._timed(path), out)
         return out
 
     def closed(self, turns: Array, first: Array, last: Array) -> Array:
@@ -203,8 +198,7 @@ class Signature(ABC):
         """
         line = np.vstack([path[:, : len(self.goal)], self.goal])
         parts = np.array([self.static.turns(np.array(pair)) for pair in zip(line[:-1], line[1:], strict=True)])
-        left = np.cumsum(parts[::-1], axis=0)
-        return float(np.abs(left).max(initial=0.0))
+        return float(np.abs(np.cumsum(parts[::-1], axis=0)).max(initial=0.0))
 
     def _timed(self, path: Array) -> Array:
         """Points (k, d + 1) of a path (k, n); times are 0 where nothing moves."""

@@ -4,8 +4,6 @@ A turn is the angle of a path as a marker sees it, summed up piece by piece. For
 often they cross one ray.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache
@@ -21,10 +19,10 @@ from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
+from pirrht.jit.records import Held
 from pirrht.topology.obstacles import components
+from pirrht.topology.tuning import TUNING
 
-BOX_SPAN = 2.0  # of the boxes that a marker's trajectory lies in [s]: short is exact, long is quick
-CHORD_ERROR = 0.25  # deviation of a trajectory from its chords [robot radii]: few rows, same side
 MARKER_OFFSET = (1.7e-3, -2.9e-3)  # of moving markers from the middle [robot radii]: off lines
 BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
 
@@ -44,13 +42,11 @@ class TrajectoryTable(NamedTuple):
     first_box: int  # address of int64 (J + 1,): where the boxes of each begin
 
 
-class MarkerTrajectories(TrajectoryTable):
+class MarkerTrajectories(Held, TrajectoryTable):
     """A `TrajectoryTable` together with the arrays that the addresses point to."""
 
-    arrays: tuple[Array | IntArray, ...]
-
     @classmethod
-    def of(cls, paths: Sequence[Array], periods: Sequence[float], goal: Array) -> MarkerTrajectories:
+    def of(cls, paths: Sequence[Array], periods: Sequence[float], goal: Array) -> "MarkerTrajectories":
         """Follow paths (k, 3) of times [s] and places [m], repeated after periods [s] if not 0; goal point (2,) [m]."""
         every = np.vstack([np.zeros((0, 3)), *paths])
         columns = (np.ascontiguousarray(column) for column in every.T)
@@ -62,10 +58,8 @@ class MarkerTrajectories(TrajectoryTable):
         crossed = [_crossed(goal - path[:, 1:]) for path in paths]
         waited = np.concatenate([np.zeros(0, np.int64), *(each[:-1] for each in crossed)])
         lap = np.array([each[-1] for each in crossed], dtype=np.int64)
-        arrays = first, *columns, np.array(periods, dtype=float), waited, lap, every_box, first_box
-        tracks = cls(len(paths), *(array.ctypes.data for array in arrays))
-        tracks.arrays = arrays
-        return tracks
+        every_period = np.array(periods, dtype=float)
+        return cls.holding(len(paths), first, *columns, every_period, waited, lap, every_box, first_box)
 
 
 def _boxes_of(path: Array, *, repeat: bool) -> Array:
@@ -73,7 +67,7 @@ def _boxes_of(path: Array, *, repeat: bool) -> Array:
 
     The first is right for earlier times as well. If the path does not start over, the last is where it stays.
     """
-    edges = BOX_SPAN * np.arange(max(1, math.ceil(path[-1, 0] / BOX_SPAN)) + 1)
+    edges = TUNING.box_span * np.arange(max(1, math.ceil(path[-1, 0] / TUNING.box_span)) + 1)
     times = np.union1d(edges, path[:, 0])
     places = np.column_stack([np.interp(times, path[:, 0], path[:, k]) for k in (1, 2)])
     at = np.searchsorted(times, edges)
@@ -247,7 +241,7 @@ def trajectories_of(
     rows = [(mover, point) for mover in movers for point in markers_of(mover, footprint)]
     if not rows:
         return (), NO_TRACKS
-    paths = [_path(mover.motion, point, CHORD_ERROR * footprint.radius) for mover, point in rows]
+    paths = [_path(mover.motion, point, TUNING.chord_error * footprint.radius) for mover, point in rows]
     periods = [mover.motion.rows[-1, 0] if mover.motion.repeat else 0.0 for mover, _ in rows]
     return tuple(mover.name for mover, _ in rows), MarkerTrajectories.of(paths, periods, goal)
 

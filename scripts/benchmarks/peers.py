@@ -55,7 +55,7 @@ def jax_rollouts(task: Task, samples: int) -> Peer:
     import jax.numpy as jnp
 
     f, goal, reach = task.field, jnp.asarray(task.goal.center, jnp.float32), float(task.goal.radius)
-    grid, root = jnp.asarray(f.arrays[0]), float(np.sqrt(task.dt))
+    grid, root = jnp.asarray(f.held["nearest"]), float(np.sqrt(task.dt))
     a = jnp.asarray(task.tapes / task.noise, jnp.float32)  # (H, T, 2)
     H, T = a.shape[:2]
     around = jnp.repeat(jnp.arange(H), samples // H)
@@ -115,7 +115,7 @@ def torch_rollouts(task: Task, samples: int) -> Peer:
     from pytorch_mppi import MPPI
 
     f, reach = task.field, float(task.goal.radius)
-    grid, goal = torch.from_numpy(f.arrays[0]), torch.tensor(task.goal.center, dtype=torch.float32)
+    grid, goal = torch.from_numpy(f.held["nearest"]), torch.tensor(task.goal.center, dtype=torch.float32)
     last: dict[str, Any] = {}
 
     def clearance(x: Any, y: Any) -> Any:

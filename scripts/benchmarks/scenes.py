@@ -132,7 +132,7 @@ def random_states(space: FreeSpace, count: int, seed: int) -> Array:
     Where a scene has no room for some of them, others take their place.
     """
     rng, scene = np.random.default_rng([seed, 53]), space.scene
-    reached, second = _reached(space), space.field.arrays[1]
+    reached, second = _reached(space), space.field.held["second"]
     chosen: list[Array] = []
     for i in range(count):
         low, high = STRATA[i % len(STRATA)]
@@ -198,7 +198,7 @@ def _cell(space: FreeSpace, x: Array) -> tuple[int, ...]:
 
 def _reached(space: FreeSpace) -> BoolArray:
     """Which points of the field's grid are free and connected with the goal, (nx, ny)."""
-    pieces, _ = label(space.field.arrays[0] > 0.0)
+    pieces, _ = label(space.field.held["nearest"] > 0.0)
     reached: BoolArray = pieces == pieces[_cell(space, space.scene.goal.center)]
     return reached
 

@@ -115,7 +115,7 @@ def losses(weak: Weak, h: int) -> dict[str, Any]:
     arrived &= log_weight > np.max(log_weight[arrived], initial=-np.inf) - FAR
     last = min(int(paths.steps[arrived].max(initial=KNOTS)), len(tables.times) - 1)
     knots = np.unique(np.linspace(0, last, KNOTS + 1).astype(int))
-    states = backend.trace(rollouts.setup, tables, origin, np.arange(MANY))[0][:, : last + 1]
+    states = backend.replay(rollouts.setup, tables, origin, np.arange(MANY))[0][:, : last + 1]
     under_way = paths.steps[:, None] >= np.arange(last + 1)
     mean = np.einsum("st,stn->tn", under_way, states[..., :2]) / np.maximum(under_way.sum(axis=0), 1)[:, None]
     clear = np.minimum.reduceat(weak.scenario.space.collision.clearance(mean), knots[:-1])

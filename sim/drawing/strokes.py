@@ -19,7 +19,7 @@ from pirrht.outcome import Outcome
 from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting.strokes import even, fading, interpolated, lengths, outline
+from pirrht.plotting.strokes import fading, interpolated, lengths, outline
 from pirrht.topology.signature import OTHER, Signature
 from sim.states import adapter_of
 
@@ -128,13 +128,15 @@ def heavy_ends(footprint: Footprint, fan: Fan) -> Array:
     return rings(footprint, fan.ends[-ENDS:] if not footprint.is_disc else fan.ends[:0])
 
 
-def headed(line: Array, count: int) -> Array:
-    """Return poses at equal distances along a polyline (k, 2) or (k, 3), headed along it, (count, 3)."""
-    if line.shape[1] == 3:
-        return at_most(line, count)
-    places = even(line, 8 * count)
-    ahead = np.gradient(places, axis=0)
-    return at_most(np.column_stack([places, np.arctan2(ahead[:, 1], ahead[:, 0])]), count)
+def along_reference(tree: HomologyTree, path: Any, count: int) -> Array:
+    """Return poses at equal distances along a path of a tree whose vertices are poses, (count, 3); it may reverse."""
+    between = tree.checker.kernels.between
+    passed = np.cumsum([0.0, *path.length.sum(axis=1)])
+    poses = np.empty((count, 3))
+    for pose, at in zip(poses, np.linspace(0.0, passed[-1], count), strict=True):
+        i = min(int(np.searchsorted(passed, at, side="right")) - 1, len(path.tails) - 1)
+        between(path, i, (at - passed[i]) / max(passed[i + 1] - passed[i], 1e-9), pose)
+    return poses
 
 
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:

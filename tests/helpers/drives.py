@@ -44,9 +44,8 @@ class Drive:
 
     def recorder(self, file: Path | None = None, connect: str | None = None, **look) -> Recorder:
         settings = {"scene": "slit", "seed": 0, "noise": 0.3, "method": "pi-rrht"}
-        integral = self.controller.path_integral
         sinks = Sinks(file=file, connect=connect)
-        return Recorder(self.loaded, self.tree, integral, sinks, Look(**look), settings=settings)
+        return Recorder(self.loaded, self.tree, self.controller.path_integral, sinks, Look(**look), settings=settings)
 
     def frames(self, max_time: float = MAX_TIME, **more) -> Iterator[Frame]:
         return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time, **more)

@@ -22,8 +22,7 @@ def moved(name: str, rows: Sequence[Row], *solids: Obstacle, repeat: bool = Fals
 def as_mesh(box: Obstacle) -> Obstacle:
     """The hull of a box's corners."""
     corners = box.size * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    faces = ConvexHull(corners).simplices.astype(np.int64)
-    return replace(box, kind=Kind.MESH, vertices=corners, faces=faces)
+    return replace(box, kind=Kind.MESH, vertices=corners, faces=ConvexHull(corners).simplices.astype(np.int64))
 
 
 def clearance_among(movers: Iterable[Mover], footprint: Footprint, place: np.ndarray, time: float) -> float:

@@ -8,5 +8,4 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def environment(*folders: Path) -> dict[str, str]:
     """That of a process which finds the packages of this repository, the helpers here, and modules of some folders."""
-    path = os.pathsep.join(map(str, (ROOT, Path(__file__).parent, *folders)))
-    return {**os.environ, "PYTHONPATH": path}
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (ROOT, Path(__file__).parent, *folders)))}

@@ -26,8 +26,7 @@ class Solved:
     @classmethod
     def of(cls, scene: Scene, b: float, phi: float, *lines: list[tuple[float, float]]) -> Solved:
         """From corners between start and goal."""
-        goal = scene.goal.center
-        corners = tuple(np.vstack([np.reshape(line, (-1, 2)), goal]) for line in lines)
+        corners = tuple(np.vstack([np.reshape(line, (-1, 2)), scene.goal.center]) for line in lines)
         return cls(problem_in(scene, b, phi), FreeSpace.of(scene), scene.start[:2].copy(), corners)
 
     @property

@@ -83,8 +83,7 @@ def test_a_scene_of_ones_own_has_a_class_on_each_side_of_an_obstacle(tmp_path, c
 def test_the_readme_is_short_and_opens_with_a_moving_picture():
     text = named("README.md").read_text()
     assert len(text.encode()) < 6_500
-    image = pytest.importorskip("PIL.Image")
-    with image.open(ROOT / re.findall(r"!\[[^\]]*\]\((.*?)\)", text)[0]) as picture:
+    with pytest.importorskip("PIL.Image").open(ROOT / re.findall(r"!\[[^\]]*\]\((.*?)\)", text)[0]) as picture:
         assert picture.n_frames > 10
     assert text.index("scripts/demo.sh") < text.index("scripts/test.sh") < text.index("pirrht run")
 

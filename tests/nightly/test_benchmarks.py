@@ -49,8 +49,7 @@ def test_a_seed_means_a_scene_whose_states_are_free_and_a_third_each_is_near_and
     clearance = np.array([space.clearance(x) for x in states])
     assert np.all(clearance > 0.0)
     assert [np.sum((clearance >= a) & (clearance < b)) for a, b in scenes.STRATA] == [10, 10, 10]
-    beyond = np.hypot(*(states - space.scene.goal.center).T) - space.scene.goal.radius
-    assert np.all(beyond >= scenes.BESIDE)
+    assert np.all((np.hypot(*(states - space.scene.goal.center).T) - space.scene.goal.radius) >= scenes.BESIDE)
 
 
 def plan(v: float, u: tuple[float, float], error: float = 0.1) -> dict:

@@ -62,8 +62,7 @@ def test_the_script_draws_a_still_and_a_loop_of_a_scene(tmp_path, monkeypatch):
         pytest.skip(str(error))
     monkeypatch.setattr(gallery, "STILL", (160, 90))
     monkeypatch.setattr(gallery, "LOOP", (80, 45))
-    words = ["double_slit", "u_trap", "-o", str(tmp_path), "--shots", "3", "--max-time", "0.2"]
-    assert gallery.main(words) == 0
+    assert gallery.main(["double_slit", "u_trap", "-o", str(tmp_path), "--shots", "3", "--max-time", "0.2"]) == 0
     for name in ("double_slit", "u_trap"):
         with image.open(tmp_path / f"{name}.webp") as still, image.open(tmp_path / f"{name}-drive.webp") as loop:
             assert still.size == (160, 90)

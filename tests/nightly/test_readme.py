@@ -55,8 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory):
     }
     for name, text in known.items():
         (place / name).write_text(text)
-    walls = [trimesh.creation.box(bounds=bounds) for bounds in WALLS]
-    trimesh.util.concatenate(walls).export(place / "room.obj")
+    trimesh.util.concatenate([trimesh.creation.box(bounds=bounds) for bounds in WALLS]).export(place / "room.obj")
     return place
 
 

@@ -109,9 +109,9 @@ def test_a_run_without_surviving_samples_does_not_blame_its_paths(capsys):
 
 @pytest.mark.parametrize("stays", [False, True])
 def test_the_robot_waits_for_who_stands_in_the_door_as_far_as_it_can_see(tmp_path, capsys, stays):
-    file, result = door(tmp_path, stays=stays), tmp_path / "run.json"
+    result = tmp_path / "run.json"
     words = "--noise 0.05 --period 0.05 --samples 100 --vertices 600 --predict velocity --json"
-    status = main(["run", file, *words.split(), str(result)])
+    status = main(["run", door(tmp_path, stays=stays), *words.split(), str(result)])
     drive, shown = json.loads(result.read_text()), capsys.readouterr()
     assert (status, drive["outcome"]) == ((1, "timeout") if stays else (0, "goal"))
     assert drive["min_clearance"] > 0.0

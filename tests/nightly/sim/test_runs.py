@@ -98,8 +98,7 @@ def test_gaps_are_wide_enough_for_the_noise_the_cheapest_way_squeezes_through_tw
     tree = scenario.grown_tree()
     references, passages = scenario.references(tree), tree.passages
     assert passages.width.min() > 0.5
-    crossed = passages.crossed(references[0].trajectory.points)
-    assert np.count_nonzero(passages.width[crossed] < 4 * 0.15) >= 2
+    assert np.count_nonzero(passages.width[passages.crossed(references[0].trajectory.points)] < 4 * 0.15) >= 2
     costs = np.array([reference.cost for reference in references])
     assert len(costs) >= 10
     assert costs[9] <= 1.3 * costs[0]

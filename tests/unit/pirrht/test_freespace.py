@@ -21,7 +21,8 @@ def test_a_new_task_is_that_of_a_fresh_examination() -> None:
     space, fresh = FreeSpace.of(SCENE).with_task(**TASK), FreeSpace.of(replace(SCENE, **TASK))
     assert (space.scene.start is TASK["start"], space.scene.goal is TASK["goal"]) == (True, True)
     assert [o.members for o in space.obstacles] == [o.members for o in fresh.obstacles] == [(0,), (1,), (2,)]
-    numbers = ([s.homology.markers, s.homology.goal, *s.homology.cuts.arrays, *s.field.arrays] for s in (space, fresh))
+    held = [(s.homology.cuts.held.values(), s.field.held.values()) for s in (space, fresh)]
+    numbers = ([s.homology.markers, s.homology.goal, *a, *b] for s, (a, b) in zip((space, fresh), held, strict=True))
     for one, other in zip(*numbers, strict=True):
         np.testing.assert_array_equal(one, other)
     assert space.field[:6] == fresh.field[:6]

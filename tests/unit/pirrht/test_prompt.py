@@ -50,8 +50,7 @@ def test_everything_that_is_printed_is_one_short_line_with_its_name(slit, slit_t
 
 def test_a_plans_picture_has_a_line_per_class_and_only_paths_that_are_samples(plan):
     axes = plan.plot(samples=10)
-    labels = [text.get_text().partition(":")[0] for text in axes.get_legend().get_texts()]
-    assert labels == list(plan.ids)
+    assert [text.get_text().partition(":")[0] for text in axes.get_legend().get_texts()] == list(plan.ids)
     paths = [path.vertices for group in axes.collections for path in group.get_paths()]
     assert 10 <= len(paths) <= 20
     assert all(np.allclose(path[0], plan.state) for path in paths)
@@ -86,16 +85,15 @@ def test_pictures_number_obstacles_and_give_every_class_a_colour_and_a_line_that
 
 
 def test_strokes_that_coincide_lie_side_by_side_and_others_stay():
-    line, apart = np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[0.0, 1.0], [4.0, 1.0]])
-    first, second, alone = side_by_side([line, line, apart], 0.1)
+    line = np.array([[0.0, 0.0], [4.0, 0.0]])
+    first, second, alone = side_by_side([line, line, np.array([[0.0, 1.0], [4.0, 1.0]])], 0.1)
     np.testing.assert_allclose(second[:, 1] - first[:, 1], 0.1)
     np.testing.assert_allclose(first[:, 1] + second[:, 1], 0.0, atol=1e-12)
     np.testing.assert_allclose(alone[:, 1], 1.0)
 
 
 def test_a_scene_whose_name_would_be_a_formula_is_drawn_under_its_name(plan):
-    scene = replace(plan.space.scene, name="$x^$")
-    named = replace(plan, space=replace(plan.space, scene=scene))
+    named = replace(plan, space=replace(plan.space, scene=replace(plan.space.scene, name="$x^$")))
     axes = named.plot(axes=matplotlib.figure.Figure().subplots())
     axes.figure.savefig(io.BytesIO())
     assert axes.get_title() == r"\$x^\$ at 0.00 s"
@@ -136,8 +134,7 @@ UNIT = re.compile(r"\[[^]]+\]")
 
 @pytest.mark.parametrize("entry", [*EXAMPLES, Scenario, Traits], ids=lambda entry: entry.__name__)
 def test_the_example_in_a_docstring_gives_what_it_says(entry):
-    said = inspect.getdoc(entry)
-    example = doctest.DocTestParser().get_doctest(said, {}, entry.__name__, None, None)
+    example = doctest.DocTestParser().get_doctest(inspect.getdoc(entry), {}, entry.__name__, None, None)
     assert example.examples
     results = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(example)
     assert results.failed == 0 < results.attempted

@@ -124,9 +124,9 @@ def test_straight_lines_and_grids_refuse_what_they_do_not_know() -> None:
 
 
 def test_a_plan_at_what_is_no_state_of_the_system_is_refused() -> None:
-    problem, space = posed(SingleIntegrator()), FreeSpace.of(SCENE)
+    space = FreeSpace.of(SCENE)
     tree = HomologyTree(space, StraightLine(), rng=np.random.default_rng(0))
-    controller = Controller(problem, space, tree, Sampling(), rng=np.random.default_rng(0))
+    controller = Controller(posed(SingleIntegrator()), space, tree, Sampling(), rng=np.random.default_rng(0))
     with pytest.raises(OptionError, match=r"^the state has the shape \(3,\); SingleIntegrator \(x, y\) has 2 numbers$"):
         controller.plan(SCENE.start)
 
@@ -143,8 +143,7 @@ def test_headings_states_and_bounds_follow_from_the_names_of_the_states() -> Non
 
 
 def test_differences_of_headings_are_at_most_half_a_turn() -> None:
-    rng = np.random.default_rng(0)
-    x, y = rng.uniform(-20, 20, (2, 50, 3))
+    x, y = np.random.default_rng(0).uniform(-20, 20, (2, 50, 3))
     off = Unicycle().difference(x, y)
     np.testing.assert_array_equal(off[:, :2], (x - y)[:, :2])
     assert np.abs(off[:, 2]).max() <= np.pi

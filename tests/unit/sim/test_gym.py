@@ -163,5 +163,4 @@ def test_the_ranges_of_the_actuators_bound_the_actions():
     low, high = control_limits(limited, wheels, Unicycle(V=1.0, rho=0.5))
     np.testing.assert_allclose([low, high], [[-2.0], [2.0]])
     for u in (low, high):
-        ctrl = wheels @ Unicycle(V=1.0, rho=0.5).twist(np.zeros(3), u / 0.5)
-        assert ctrl.max() == pytest.approx(16.0)
+        assert (wheels @ Unicycle(V=1.0, rho=0.5).twist(np.zeros(3), u / 0.5)).max() == pytest.approx(16.0)

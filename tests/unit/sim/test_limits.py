@@ -95,8 +95,7 @@ def test_what_a_limit_must_allow_is_the_greatest_turn_of_what_is_left_of_a_path(
         Scene.from_boxes([[1.9, 0.9, 2.1, 1.1]], lower=(0, 0), upper=(4, 3), start=(0.5, 1), goal=(3.5, 1, 0.2),
                          robot_radius=0.1)
     )  # fmt: skip
-    above = np.array([[0.5, 1.0], [2.0, 2.0], [3.5, 1.0]])
-    assert space.homology.most_turned(above) == pytest.approx(0.5)
+    assert space.homology.most_turned(np.array([[0.5, 1.0], [2.0, 2.0], [3.5, 1.0]])) == pytest.approx(0.5)
     back = np.array([[3.5, 1.0], [2.0, 2.0], [0.5, 1.0], [2.0, 0.2], [3.5, 1.0]])  # once around
     assert space.homology.most_turned(back) == pytest.approx(1.0)
     assert space.homology.most_turned(np.array([[3.0, 1.0], [3.5, 1.0]])) == pytest.approx(0.0)

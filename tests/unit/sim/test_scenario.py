@@ -54,10 +54,10 @@ def test_a_narrow_gap_has_a_quarter_of_its_clearance_as_margin_and_the_rest_of_t
     tmp_path, width, kept
 ):
     scenario = prepare(gap(tmp_path, width), vertices=200)
-    collision, middle, wall = scenario.space.collision, np.array([[2.0, 1.5]]), np.array([[2.0 - 0.1 - 0.2, 0.3]])
+    middle, wall = np.array([[2.0, 1.5]]), np.array([[2.0 - 0.1 - 0.2, 0.3]])
     assert scenario.margin == pytest.approx(0.03)
-    assert collision.clearance(middle)[0] == pytest.approx(0.5 * width - 0.1 - kept, abs=5e-4)
-    assert collision.clearance(wall)[0] == pytest.approx(0.2 - 0.1 - 0.03)
+    assert scenario.space.collision.clearance(middle)[0] == pytest.approx(0.5 * width - 0.1 - kept, abs=5e-4)
+    assert scenario.space.collision.clearance(wall)[0] == pytest.approx(0.2 - 0.1 - 0.03)
     (_,) = scenario.references(scenario.grown_tree())  # the walls reach the border: all paths lead through the gap
 
 
@@ -77,16 +77,15 @@ def far_crates(tmp_path, gap: float, **given) -> Scenario:
 
 
 def test_a_narrow_gap_in_a_far_corner_changes_neither_the_margin_nor_the_classes(tmp_path):
-    narrow, wide = far_crates(tmp_path, 0.2004), far_crates(tmp_path, 0.3)
-    assert narrow.margin == wide.margin == pytest.approx(0.03)
+    narrow = far_crates(tmp_path, 0.2004)
+    assert narrow.margin == far_crates(tmp_path, 0.3).margin == pytest.approx(0.03)
     assert len(narrow.space.obstacles) == len(far_crates(tmp_path, 0.2004, margin=0.0).space.obstacles) == 2
-    found, bare = predicted(narrow), predicted(far_crates(tmp_path, 0.2004, margin=0.0))
-    assert found.most < 1e-3 * bare.most
+    assert predicted(narrow).most < 1e-3 * predicted(far_crates(tmp_path, 0.2004, margin=0.0)).most
 
 
 def test_the_prediction_counts_the_margin_of_the_passages_that_a_class_leads_through(tmp_path):
-    local, bare = prepare(gap(tmp_path, 0.24), noise=0.2), prepare(gap(tmp_path, 0.24), noise=0.2, margin=0.005)
-    found, expected = predicted(local), predicted(bare)
+    local = prepare(gap(tmp_path, 0.24), noise=0.2)
+    found, expected = predicted(local), predicted(prepare(gap(tmp_path, 0.24), noise=0.2, margin=0.005))
     assert local.margin > 0.05
     assert found.probability == pytest.approx(expected.probability, rel=0.3)
     assert found.probability > 1e-3

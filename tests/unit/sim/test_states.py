@@ -30,8 +30,7 @@ def test_a_state_is_read_as_it_was_placed_and_starts_where_it_is(names, more):
         joints.place(data, x, np.zeros(2), np.zeros(0))
         np.testing.assert_allclose(joints.read(data, np.zeros(len(names))), x, atol=1e-12)
         still = adapter.state_of(adapter.start_of(x))
-        kept = [name in adapter.pose for name in names]
-        np.testing.assert_allclose(still, np.where(kept, x, 0.0), atol=1e-12)
+        np.testing.assert_allclose(still, np.where([name in adapter.pose for name in names], x, 0.0), atol=1e-12)
         far = x.copy()
         far[:2] += rng.normal(size=2)
         assert np.hypot(*adapter.ahead(x, far)[:2]) == pytest.approx(np.hypot(*(far - x)[:2]))
@@ -66,8 +65,7 @@ def test_a_robot_in_space_is_another_adapter_and_a_line_in_the_registry(monkeypa
     adapter = ball.adapter
     assert isinstance(adapter, Space)
     assert (adapter.places, adapter.typed()) == (("x", "y", "z"), "X Y Z VX VY VZ")
-    start = adapter.start(data, model.site("start").id, None)
-    x = adapter.state_of(start)
+    x = adapter.state_of(adapter.start(data, model.site("start").id, None))
     assert x.tolist() == [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]
     assert adapter.drawn(x[None], 0.1).tolist() == [[1.0, 2.0, 3.0]]
     assert np.array(read_workspace(model, data, None, adapter.dimension)).tolist() == [

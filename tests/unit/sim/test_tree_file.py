@@ -216,8 +216,7 @@ def test_what_is_larger_than_a_tree_can_be_or_an_object_is_not_unpacked(slit: Sc
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
     with zipfile.ZipFile(declared, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("cost.npy", header.getvalue() + bytes(8))
-    pickled = repacked(unpacked(saved) | {"tail": np.array([None], dtype=object)})
-    for content in (header, declared, pickled):
+    for content in (header, declared, repacked(unpacked(saved) | {"tail": np.array([None], dtype=object)})):
         assert "is no tree of pirrht" in answer(content.getvalue(), slit)[1]
     assert answer(saved, slit)[0] is not None
     monkeypatch.setattr(tree_file, "MOST_BYTES", 1 << 10)

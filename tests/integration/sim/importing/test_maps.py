@@ -113,9 +113,9 @@ def test_what_is_read_otherwise_than_expected_is_reported(tmp_path, keys, note: 
 
 def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path, capsys):
     """Four rooms and an unknown surrounding take few boxes."""
-    path, scene = written(tmp_path, rooms()), tmp_path / "house.xml"
+    scene = tmp_path / "house.xml"
     task = ["--start", "2.0", "2.0", "--goal", "6.0", "6.0", "0.3"]
-    assert cli.main(["import", str(path), "-o", str(scene), *task]) == 0
+    assert cli.main(["import", str(written(tmp_path, rooms())), "-o", str(scene), *task]) == 0
     loaded = load(scene)
     said = capsys.readouterr().out
     assert f"{len(loaded.scene.obstacles)} of them obstacles" in said

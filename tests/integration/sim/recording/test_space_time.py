@@ -39,8 +39,8 @@ def test_samples_that_hit_a_moving_obstacle_are_reported_to_have_hit_it():
     drive = Moving("crossing", vertices=100, samples=200)
     start = drive.scene.start[:2]
     drive.controller.begin(start)
-    plan, integral = drive.controller.plan(start), drive.controller.path_integral
-    found = reasons(plan, integral, (), words_of(plan, integral, ()))
+    plan = drive.controller.plan(start)
+    found = reasons(plan, drive.controller.path_integral, (), words_of(plan, drive.controller.path_integral, ()))
     assert {reason.where for reason in found} - {""} == {"crosser"}
 
 
@@ -59,7 +59,6 @@ def test_outlines_on_the_map_are_where_the_body_is_going_to_be(recorded):
 
 def test_braids_are_the_references_of_all_classes_with_their_times_upward(recorded):
     table, drive, frames = recorded
-    goal = drive.scene.goal
     for frame, drawn in pictures(table["/spacetime/braids"], frames):
         assert len(drawn) == len(frame.plan.references)
         for line, reference in zip(drawn, frame.plan.references, strict=True):
@@ -67,7 +66,7 @@ def test_braids_are_the_references_of_all_classes_with_their_times_upward(record
             np.testing.assert_allclose(line[0], [*frame.plan.state, RISE * frame.time], atol=ROUNDING)
             assert line[-1, 2] == pytest.approx(RISE * way[-1, 2], abs=ROUNDING)
             assert way[-1, 2] - frame.time == pytest.approx(reference.trajectory.durations.sum())
-            assert np.linalg.norm(line[-1, :2] - goal.center) <= goal.radius + 0.02
+            assert np.linalg.norm(line[-1, :2] - drive.scene.goal.center) <= drive.scene.goal.radius + 0.02
             assert np.all(np.diff(line[:, 2]) >= 0.0)
 
 
@@ -77,8 +76,7 @@ def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
     assert known["step"] == list(range(len(frames)))
     for frame, (piece,) in pictures(known, frames):
         np.testing.assert_allclose(piece[0], [*frame.plan.state, RISE * frame.time], atol=ROUNDING)
-        end = [*frame.advance.states[-1], RISE * frame.end_time]
-        np.testing.assert_allclose(piece[-1], end, atol=ROUNDING)
+        np.testing.assert_allclose(piece[-1], [*frame.advance.states[-1], RISE * frame.end_time], atol=ROUNDING)
     heights = [cell[0][2] for cell in table["/spacetime/now"]["Transform3D:translation"]]
     times = [frame.time for frame in frames] + [frames[-1].end_time]
     np.testing.assert_allclose(heights, RISE * np.array(times), atol=1e-5)

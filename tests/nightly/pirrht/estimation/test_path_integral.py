@@ -133,8 +133,7 @@ def test_state_dependent_rate_and_blocks_match_collocation(dynamics):
     value, slope = strip_value(problem, L, dynamics, x)
     control = problem.temperature / 2.0 * (1.0 + dynamics.widening * x * x) * slope  # lambda R^-1 G' psi' / psi
     # The rate counts as it is at the start of a step, an error of 3 % at dt = 0.02 that falls with dt: 0.75 % here.
-    sampling = Sampling(dt=0.005, samples=3000, guide="open-loop")
-    integral = path_integral(problem, strip_space(L), sampling)
+    integral = path_integral(problem, strip_space(L), Sampling(dt=0.005, samples=3000, guide="open-loop"))
     found = [at_strip(integral, x, (1, -1), seed) for seed in range(SEEDS // 2)]
     assert np.array([e.value for e in found]).mean() == pytest.approx(value, rel=0.015)
     assert within([e.control for e in found], [control, 0.0])

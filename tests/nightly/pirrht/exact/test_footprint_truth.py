@@ -30,13 +30,13 @@ def gap() -> tuple[Problem, FreeSpace]:
 
 def simulated(problem: Problem, space: FreeSpace, x: np.ndarray, every: int, count: int = 8000) -> tuple[float, float]:
     """psi and its standard error without control; contacts are looked for after so `every` steps of 1 ms."""
-    rng, dt, scene = np.random.default_rng(every), 1e-3, problem.scene
+    rng, dt = np.random.default_rng(every), 1e-3
     states, alive, weight = np.tile(x, (count, 1)), np.arange(count), np.zeros(count)
     for k in range(5000):
         turn = rng.standard_normal(len(alive)) * B * np.sqrt(dt)
         heading = states[alive, 2] + 0.5 * turn
         states[alive] += np.column_stack((V * dt * np.cos(heading), V * dt * np.sin(heading), turn))
-        arrived = scene.goal.contains(states[alive, :2])
+        arrived = problem.scene.goal.contains(states[alive, :2])
         weight[alive[arrived]] = np.exp(-(k + 1) * dt / problem.temperature)
         alive = alive[~arrived]
         if k % every == 0:

@@ -90,8 +90,7 @@ def test_a_motion_that_starts_over_is_one_of_many_rows():
         free = np.isfinite(a) & np.isfinite(b)
         assert free.sum() > 45
         assert a[free] == pytest.approx(b[free], abs=5e-3)
-    started = replace(turn, motion=turn.motion.after(0.7))
-    shifted = solved(room(started)).log_psi(x, t)
+    shifted = solved(room(replace(turn, motion=turn.motion.after(0.7)))).log_psi(x, t)
     a = again.log_psi(x, t + 0.7)
     free = np.isfinite(a) & np.isfinite(shifted)
     assert shifted[free] == pytest.approx(a[free], abs=5e-3)

@@ -62,7 +62,7 @@ def test_the_field_is_never_too_high_and_near_walls_hardly_too_low_at_any_size(k
     exact, found = space.collision.clearance(points), field_at(space.field, points)
     shallow = exact > -0.5 * ROBOT
     assert h == ROBOT / 8.0
-    assert space.field.blocks is not None
+    assert "table" in space.field.held
     assert np.all(found[shallow] <= exact[shallow] + ROUNDING)
     assert np.all(found[~shallow] < -0.4 * ROBOT)
     near = shallow & (exact < 2.0 * h)
@@ -102,7 +102,7 @@ def packed(field: Field, space: FreeSpace) -> Field:
     """The same grid in blocks of 8 cells, all of them of the finest level."""
     cells, arrays = 8, []
     rows, columns = (-(-(n - 1) // (cells << (LEVELS - 1))) << (LEVELS - 1) for n in (field.nx, field.ny))
-    for values in field.arrays:
+    for values in field.held.values():
         wide = np.pad(values, [(0, rows * cells + 1 - field.nx), (0, columns * cells + 1 - field.ny)], mode="edge")
         blocks = np.lib.stride_tricks.sliding_window_view(wide, (cells + 1, cells + 1))[::cells, ::cells]
         arrays.append(np.ascontiguousarray(blocks.reshape(-1, cells + 1, cells + 1)))

@@ -52,7 +52,7 @@ def in_the_open(dynamics: Dynamics) -> PathIntegral:
 def test_in_the_open_a_masss_gains_are_those_of_riccatis_recursion():
     """From the Hessian of the time to the goal's rim back, under the exact step of a mass that sways."""
     integral = in_the_open(DoubleIntegrator(b=0.1))
-    lam, b, times = integral.problem.temperature, 0.1, STEP * np.arange(41)
+    b, times = 0.1, STEP * np.arange(41)
     u = np.tile([1.0, 0.3], (20, 1))
     push = Trajectory(controls=u, durations=np.full(20, STEP), path=None, cost=2.0, length=3.0)
     guide = best(integral.guidance, np.zeros(4), times, 0, push)
@@ -73,10 +73,10 @@ def test_in_the_open_a_masss_gains_are_those_of_riccatis_recursion():
         [0.5 * STEP * np.eye(2), -STEP / np.sqrt(12.0) * np.eye(2)], [np.eye(2), np.zeros((2, 2))]
     ])  # fmt: skip
     for i in range(guide.length - 1, -1, -1):
-        stiff = lam * STEP * np.eye(4) + C.T @ P @ C
+        stiff = integral.problem.temperature * STEP * np.eye(4) + C.T @ P @ C
         K = -np.linalg.solve(stiff, C.T @ P @ A)
         np.testing.assert_allclose(guide.gains[i], K, atol=2e-4 * np.abs(K).max())
-        left = lam * STEP * np.linalg.inv(stiff)
+        left = integral.problem.temperature * STEP * np.linalg.inv(stiff)
         if np.linalg.eigvalsh(left).max() <= 1.0:
             np.testing.assert_allclose(guide.share[i] @ guide.share[i], left, atol=1e-4)
         np.testing.assert_allclose(guide.share[i] @ guide.inverse[i], np.eye(4), atol=1e-12)
@@ -116,8 +116,7 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
 @cache
 def beside_a_pillar() -> PathIntegral:
     """A mass before a pillar of radius 0.3 that stands in its way to the goal."""
-    pillar = disc("pillar", 2.0, 1.9, 0.3)
-    scene = scene_of([pillar], start=(0.5, 2.0), goal=(4.0, 2.0, 0.3), side=(5.0, 4.0))
+    scene = scene_of([disc("pillar", 2.0, 1.9, 0.3)], start=(0.5, 2.0), goal=(4.0, 2.0, 0.3), side=(5.0, 4.0))
     problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
     return path_integral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))
 
@@ -177,8 +176,8 @@ def in_slit(robot: str) -> tuple[FreeSpace, HomologyTree, PathIntegral]:
     else:
         problem = Problem(dynamics=SecondOrderCar(b=0.1), scene=scene, R=np.eye(2), q=cruising, q_min=1.0)
         vertices = 300
-    space, steering = FreeSpace.of(scene), (MassSteering if robot == "mass" else Tracked).of(problem)
-    tree = grown(space, steering, vertices, limit=0.6)
+    space = FreeSpace.of(scene)
+    tree = grown(space, (MassSteering if robot == "mass" else Tracked).of(problem), vertices, limit=0.6)
     return space, tree, path_integral(problem, space, Sampling(dt=0.1, draws="independent", threads=1))
 
 

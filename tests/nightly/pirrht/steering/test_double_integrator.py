@@ -58,8 +58,7 @@ def test_motions_end_where_they_should_and_cost_the_integral_of_their_accelerati
         s = np.linspace(0.0, motions.duration[i], 4001)
         states = states_at(motions, i, s)
         assert states[[0, -1]] == pytest.approx(np.array([tails[i], heads[i]]), abs=1e-9)
-        force = np.gradient(states[:, 2:], s, axis=0, edge_order=2)
-        rate = 1.0 + np.sum(force**2, axis=1)
+        rate = 1.0 + np.sum(np.gradient(states[:, 2:], s, axis=0, edge_order=2) ** 2, axis=1)
         assert motions.cost[i] == pytest.approx(np.trapezoid(rate, s), rel=1e-5)
         assert motions.length()[i] == pytest.approx(np.hypot(*np.diff(states[:, :2], axis=0).T).sum(), rel=3e-3)
 

@@ -40,8 +40,7 @@ def room(folder: Path, seed: int) -> Path:
 
 def met(scenario: Scenario) -> tuple[Outcome, float, float]:
     """How a run ends, and the least clearance of its body before its last step, and at that."""
-    scene = scenario.loaded.scene
-    exact = collision_of(scene.world, scene.body)
+    exact = collision_of(scenario.loaded.scene.world, scenario.loaded.scene.body)
     frames = list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
     states = np.vstack([frame.advance.states for frame in frames])
     clear = exact.clearance(states[:, scenario.problem.dynamics.reads(True)])

@@ -165,11 +165,11 @@ def test_a_rovers_path_is_as_long_as_its_mean_whatever_the_noise_along_it(tmp_pa
 @pytest.mark.parametrize(("robot", "values"), [("rover", (0.03, 0.05, 300, 2000)), ("car", (0.1, 0.1, 300, 1000))])
 def test_a_scene_for_others_leaves_a_robot_its_own_settings_and_gives_a_rover_its_noise(robot, values):
     scenario = prepare("clutter", robot=robot)
-    s, d = scenario.settings, scenario.problem.dynamics
+    s = scenario.settings
     assert (s.noise, s.period, s.samples, s.vertices) == values
-    assert np.all(np.isinf(control_limits(scenario.loaded.model, scenario.loaded.command, d)))
+    assert np.all(np.isinf(control_limits(scenario.loaded.model, scenario.loaded.command, scenario.problem.dynamics)))
     if robot == "rover":
-        np.testing.assert_allclose(d.input_noise, np.diag([0.03, 0.06]))
+        np.testing.assert_allclose(scenario.problem.dynamics.input_noise, np.diag([0.03, 0.06]))
         assert scenario.problem.temperature == pytest.approx(2.0 * 0.03**2)
 
 

@@ -129,8 +129,7 @@ def test_what_lies_behind_a_tube_is_hidden_and_what_lies_before_it_is_not():
     (tube,) = strokes.tubes(moved("m", [(0, 3, 3, 0)], disc("d", 0, 0, 0.3)), 0.0, 5.0)
     towards = braids._towards_eye(5.0)
     for off, behind in ((-1.0, True), (-0.5, True), (0.5, False), (1.0, False)):
-        point = np.array([3.0, 3.0, 2.0]) + off * towards
-        assert bool(braids.hidden(point[None], [tube], 5.0)[0]) is behind
+        assert bool(braids.hidden((np.array([3.0, 3.0, 2.0]) + off * towards)[None], [tube], 5.0)[0]) is behind
     assert not braids.hidden(np.array([[1.0, 3.0, 2.0], [3.0, 4.0, 4.9]]), [tube], 5.0).any()
 
 

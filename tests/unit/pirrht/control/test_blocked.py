@@ -27,8 +27,7 @@ def room(*movers) -> Scene:
 
 def brake_of(dynamics: Dynamics, scene: Scene) -> tuple[Brake, FreeSpace]:
     R = np.diag([2.0, 0.5]) if isinstance(dynamics, Rover) else np.eye(dynamics.m)
-    problem = Problem(dynamics=dynamics, scene=scene, R=R)
-    return Brake(problem=problem), FreeSpace.of(scene)
+    return Brake(problem=Problem(dynamics=dynamics, scene=scene, R=R)), FreeSpace.of(scene)
 
 
 def driven(dynamics: Dynamics, law, x: np.ndarray, seconds: float, seed: int | None = None) -> np.ndarray:
@@ -45,11 +44,9 @@ def test_every_robot_that_can_stop_comes_to_rest_ahead_of_it_and_does_not_swing_
     dynamics, x = kind(), MOVING[kind]
     brake, space = brake_of(dynamics, room())
     assert brake.stops
-    halt = brake.halt(x, space, 0.0)
-    states = driven(dynamics, halt.law, x, 3.0)
+    states = driven(dynamics, brake.halt(x, space, 0.0).law, x, 3.0)
     way = states[:, :2] - x[:2]
-    ahead = way @ (way[-1] / max(np.hypot(*way[-1]), 1e-12))
-    assert np.all(np.diff(ahead) > -1e-9)
+    assert np.all(np.diff(way @ (way[-1] / max(np.hypot(*way[-1]), 1e-12))) > -1e-9)
     np.testing.assert_allclose(states[-1, :2], x[:2] + dynamics.f(x)[:2] * WITHIN, atol=0.01)
     assert np.hypot(*(states[-1] - states[-2])[:2]) < 1e-6
 

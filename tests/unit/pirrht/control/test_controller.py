@@ -153,9 +153,8 @@ def budget(share: float = 1.0) -> TimeBudget:
 
 @pytest.mark.parametrize("classes", [1, 3, 16])
 def test_after_a_plan_that_fits_just_so_there_is_time_for_as_many_classes_and_else_for_fewer(classes: int):
-    spent = TUNING.before_samples
-    assert budget(1.0 - 0.999 * spent).most_classes(classes) == classes
-    assert budget(1.0 - 1.3 * spent).most_classes(classes) == max(1, int(classes / 1.3))
+    assert budget(1.0 - 0.999 * TUNING.before_samples).most_classes(classes) == classes
+    assert budget(1.0 - 1.3 * TUNING.before_samples).most_classes(classes) == max(1, int(classes / 1.3))
     assert budget(-10.0).most_classes(classes) == 1
 
 

@@ -18,13 +18,13 @@ def walls(*boxes: tuple[float, float, float, float]) -> FreeSpace:
 def test_a_path_around_a_disc_has_its_length_and_begins_along_the_tangent() -> None:
     middle, goal = np.array([2.0, 1.5]), np.array([3.5, 1.5])
     space = FreeSpace.of(scene_of([disc("disc", *middle, 0.4)], start=(0.5, 1.5), goal=(*goal, 0.25), side=(4.0, 3.0)))
-    R, radius = 0.4 + space.scene.robot_radius, space.scene.goal.radius
+    R = 0.4 + space.scene.robot_radius
     places = np.array([[0.5, 1.4], [0.7, 1.45], [1.2, 1.1]])  # the shortest path is the lower one
     for place, vector in zip(places, shortest_paths(space)(places), strict=True):
         to_disc, near, far = middle - place, np.hypot(*(middle - place)), np.hypot(*(goal - middle))
         between = np.arccos((place - middle) @ (goal - middle) / (near * far))
         tangents = np.sqrt(near**2 - R**2) + np.sqrt(far**2 - R**2)
-        length = tangents + R * (between - np.arccos(R / near) - np.arccos(R / far)) - radius
+        length = tangents + R * (between - np.arccos(R / near) - np.arccos(R / far)) - space.scene.goal.radius
         assert np.hypot(*vector) == pytest.approx(length, rel=0.01)
         tangent = np.arctan2(to_disc[1], to_disc[0]) - np.arcsin(R / near)
         assert np.arctan2(vector[1], vector[0]) == pytest.approx(tangent, abs=0.08)
@@ -48,8 +48,7 @@ def test_a_passage_hardly_wider_than_the_robot_is_passed_and_a_narrower_one_is_n
 
 
 def test_from_a_place_that_is_cut_off_a_path_begins_at_the_nearest_free_one() -> None:
-    shut = walls((1.0, 0.0, 1.2, 3.0))
-    remaining = shortest_paths(shut)(np.array([[0.6, 1.5], [1.1, 1.5]]))
+    remaining = shortest_paths(walls((1.0, 0.0, 1.2, 3.0)))(np.array([[0.6, 1.5], [1.1, 1.5]]))
     assert np.all(np.isfinite(remaining))
     assert np.all(np.hypot(*remaining.T) > 1.5)
 

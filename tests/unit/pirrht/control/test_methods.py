@@ -30,15 +30,14 @@ def noisy(slit) -> Problem:
 
 def around_all(slit, tree: HomologyTree, samples: int = 150, **settings) -> tuple[Estimate, list[str]]:
     """Samples around every reference of the slit at the start, in one batch."""
-    controller = slit.with_settings(samples=samples, noise=0.3, **settings).controller(tree)
-    integral, x = controller.path_integral, slit.start
-    references = tree.references(x)
+    integral = slit.with_settings(samples=samples, noise=0.3, **settings).controller(tree).path_integral
+    references = tree.references(slit.start)
     times = integral.grid(min(r.cost for r in references))
     tapes = np.array([r.trajectory.tape(times) for r in references])
     corners = [np.vstack([r.trajectory.path.start[1:, :2], slit.space.scene.goal.center]) for r in references]
     names = {slit.space.homology.key(r.winding): r.id for r in references}
     counts = [samples, samples // 2, samples]
-    batch = batch_of(integral, x, times, tapes, corners=corners, counts=counts, classes=names)
+    batch = batch_of(integral, slit.start, times, tapes, corners=corners, counts=counts, classes=names)
     return integral.sample(batch, 5), [r.id for r in references]
 
 
@@ -85,8 +84,8 @@ def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_n
 def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit, slit_tree: HomologyTree, method: str):
     scenario = slit.with_settings(method=method, samples=40, max_time=0.05, seed=4)
     tree = slit_tree if method in SAMPLING else None
-    controller, rng = scenario.controller(tree), scenario.plant_rng()
-    frames = episode.run(scenario.plant(), controller, scenario.start, rng, max_time=0.05)
+    rng = scenario.plant_rng()
+    frames = episode.run(scenario.plant(), scenario.controller(tree), scenario.start, rng, max_time=0.05)
     again = np.random.default_rng(np.random.SeedSequence(4).spawn(3)[2]).standard_normal((25, 2))
     np.testing.assert_array_equal(np.vstack([frame.advance.noise for frame in frames]), np.sqrt(0.002) * again)
 
@@ -94,8 +93,8 @@ def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit, slit_tree:
 def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit, slit_tree: HomologyTree):
     """Shares are martingales under the exact law: they cross one half often, and go from 0.9 to 0.1 once in nine."""
     scenario = slit.with_settings(samples=60, noise=0.3)
-    controller, rng = scenario.controller(slit_tree), scenario.plant_rng()
-    (frame,) = episode.run(scenario.plant(), controller, slit.start, rng, max_time=0.01)
+    rng = scenario.plant_rng()
+    (frame,) = episode.run(scenario.plant(), scenario.controller(slit_tree), slit.start, rng, max_time=0.01)
     metrics = EpisodeMetrics(scenario, slit.start, period=0.01, max_time=1.0)
     for share in (0.5, 0.95, 0.4, 0.2, 0.95, 0.6, 0.08, 0.45, 0.02, 0.6, 0.91):
         plan = replace(frame.plan, shares={"0,0": share, "1,0": 1.0 - share})
@@ -204,10 +203,10 @@ def test_where_two_valleys_are_worth_the_same_v_is_lambda_ln_2_below_that_of_one
     controller.begin(x)
     batch = controller.batch(x, controller.tree.references(x))
     assert len(batch.proposals) == 2
-    integral, values = controller.path_integral, []
+    values = []
     for seed, proposals in enumerate([batch.proposals, batch.proposals[:1], batch.proposals[1:]]):
         whole = [replace(one, count=1000) for one in proposals]
-        estimate = integral.sample(replace(batch, proposals=tuple(whole)), seed)
+        estimate = controller.path_integral.sample(replace(batch, proposals=tuple(whole)), seed)
         values.append((estimate.value, estimate.value_error))
     (v, error), *single = values
     gain = controller.problem.temperature * np.log(2.0)

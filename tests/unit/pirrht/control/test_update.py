@@ -174,7 +174,7 @@ MISUSES = {
     "stepped at a word": (lambda c: c.step("here", 0.1), STATE),
     "one proposal": ({"propose": 5}, r"^propose is 5; it must be a sequence of functions"),
     "no functions": ({"propose": [1]}, r"^propose is \[1\]; it must be a sequence of functions"),
-    "a backend's name": ({"backend": "x"}, r"^backend is 'x'; it must be None, or have the methods sample, trace"),
+    "a backend's name": ({"backend": "x"}, r"^backend is 'x'; it must be None, or have the methods sample and replay"),
     "a seed": ({"rng": 1}, r"^rng is 1; it must be a generator"),
     "no sampling": ({"sampling": None}, r"^sampling is None; it must be a Sampling$"),
 }

@@ -99,8 +99,7 @@ def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves
     plans = []
     for one in (scene, shut):
         plans.append((point(one, 0.3, 400, seed=1, rng=2, samples=1000, threads=1), bool(one.movers)))
-    rng = np.random.default_rng(8)
-    for x in rng.uniform([0.3, 0.3], [2.6, 3.0], (5, 2)):
+    for x in np.random.default_rng(8).uniform([0.3, 0.3], [2.6, 3.0], (5, 2)):
         found = []
         for controller, moving in plans:
             controller.begin(x, 2.0 if moving else 0.0)
@@ -148,10 +147,9 @@ def test_close_to_the_goal_the_control_is_that_of_the_grid():
     """
     truth, off = known("closing_door", 0.3), []
     one = point(SCENES["closing_door"](), 0.3, 100, seed=1, rng=7, samples=20_000, threads=1, first=0.01)
-    goal = truth.problem.scene.goal
     for angle, beyond in ((1.4, 0.28), (1.0, 0.36), (0.8, 0.33), (-1.4, 0.28), (-1.0, 0.36), (-0.8, 0.33)):
         outward = np.array([np.cos(angle), np.sin(angle)])
-        x = goal.center + (goal.radius + beyond) * outward
+        x = truth.problem.scene.goal.center + (truth.problem.scene.goal.radius + beyond) * outward
         one.begin(x, 2.1)
         found = one.plan(x).estimate
         around = np.array([-outward[1], outward[0]]) * np.sign(angle)

@@ -1,4 +1,4 @@
-"""Symmetries of estimates, which problems are linearly solvable, traps of the paper, steps, pairs, backends."""
+"""Symmetries of estimates, which problems are linearly solvable, traps of the paper, steps, and pairs."""
 
 from dataclasses import replace
 
@@ -6,21 +6,16 @@ import numpy as np
 import pytest
 from batches import batch_of, led, still
 from closed_forms import at_strip, in_strip
-from discs import scene_of
 
 from pirrht import (
-    FreeSpace,
     NoSurvivingSample,
     OptionError,
-    Outcome,
     PathIntegral,
     Problem,
     Sampling,
     SingleIntegrator,
     path_integral,
 )
-from pirrht.arrays import Array, IntArray
-from pirrht.rollouts.tables import Chosen, Origin, Paths, ProposalTables, Setup, empty_paths
 
 
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
@@ -154,93 +149,3 @@ def test_pairs_leave_the_mean_of_psi_where_it_is_and_scatter_the_control_less(sl
     assert abs(pairs.mean() - alone.mean()) < 3.0 * np.sqrt((pairs.var(ddof=1) + alone.var(ddof=1)) / PLANS)
     paired, independent = np.std(control, axis=1).mean(axis=-1)
     assert paired < 0.5 * independent
-
-
-class Euler:
-    """Backend in NumPy: dx = u dt + B dw in an empty room, exits judged at the ends of steps (paper, III-A)."""
-
-    def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
-        """Simulate all S samples."""
-        own, _, y, taken, outcome = self._simulated(setup, tables, origin)
-        (S, T, m), dt = y.shape, np.diff(tables.times)
-        paths, early = empty_paths(S, len(tables.control), m), np.arange(T) < tables.window
-        paths.outcome[:], paths.steps[:], paths.work[:] = outcome, taken, setup.rate * tables.times[taken]
-        under_way = np.arange(T) < taken[:, None]
-        for g, a in enumerate(tables.drift):
-            step = np.einsum("stm,tm->st", y, a) - 0.5 * dt * (a**2).sum(axis=1)
-            paths.log_ratio[:, g] = (under_way * step).sum(axis=1)
-        paths.start_control[:] = tables.drift[own, 0] @ setup.inverse.T
-        counted = (under_way & early)[..., None]
-        paths.span[:] = (counted[..., 0] * dt).sum(axis=1)
-        noise = (counted * (y - tables.drift[own] * dt[:, None])).sum(axis=1)
-        paths.now[:] = noise @ setup.inverse.T + paths.span[:, None] * paths.start_control
-        return paths
-
-    def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
-        """Return states (c, T+1, n) and steps taken (c,)."""
-        _, states, _, taken, _ = self._simulated(setup, tables, origin)
-        return states[number], taken[number]
-
-    def controls(
-        self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int
-    ) -> tuple[Array, Array]:
-        """Return weighted controls (groups, T, m) and the weight under way (groups, T)."""
-        _, _, y, taken, _ = self._simulated(setup, tables, origin)
-        T, m = y.shape[1:]
-        total, alive = np.zeros((groups, T, m)), np.zeros((groups, T))
-        under_way = (np.arange(T) < taken[chosen.number][:, None]) * chosen.weight[:, None]
-        np.add.at(alive, chosen.group, under_way)
-        controls = y[chosen.number] @ setup.inverse.T / np.diff(tables.times)[:, None]
-        np.add.at(total, chosen.group, under_way[..., None] * controls)
-        return total, alive
-
-    def _simulated(self, setup: Setup, tables: ProposalTables, origin: Origin):  # type: ignore[no-untyped-def]
-        """Return references (S,), states (S, T+1, m), increments y = a dt + dw (S, T, m), steps (S,), outcomes (S,)."""
-        S, dt, (_, T, m) = int(tables.first[-1]), np.diff(tables.times), tables.control.shape
-        own = np.searchsorted(tables.first, np.arange(S), side="right") - 1
-        noise = np.random.default_rng(int(origin.seed)).normal(size=(S, T, m)) * np.sqrt(dt)[:, None]
-        y = tables.drift[own] * dt[:, None] + noise
-        states = origin.x + np.concatenate([np.zeros((S, 1, m)), np.cumsum(y @ setup.diffusion.T, axis=1)], axis=1)
-        px, py = states[:, 1:, 0], states[:, 1:, 1]
-        room, (gx, gy) = setup.world.static, setup.world.goal
-        hit = (px <= room.left) | (px >= room.right) | (py <= room.low) | (py >= room.high)
-        arrived = ~hit & (np.hypot(px - gx, py - gy) <= setup.world.radius)
-        ended = hit | arrived
-        last = np.where(ended.any(axis=1), np.argmax(ended, axis=1), T - 1)
-        outcome = np.select(
-            [hit[np.arange(S), last], arrived[np.arange(S), last]], [Outcome.COLLISION, Outcome.GOAL], Outcome.TIMEOUT
-        )
-        return own, states, y, last + 1, outcome
-
-
-PLACE, SAMPLES = np.array([1.6, 1.0]), 20_000
-PAPER = {"exit": "endpoint", "steps": "uniform", "guide": "open-loop", "draws": "independent", "threads": 1}
-
-
-def estimated(weights: str, backend: Euler | None, seed: int):
-    """Estimate around two control sequences in a room whose walls end many paths; its open-loop control too."""
-    scene = scene_of(start=PLACE, goal=(2.8, 1.0, 0.4), side=(4.0, 2.0), radius=0.2)
-    problem = Problem(dynamics=SingleIntegrator(b=0.4), scene=scene, R=2.0 * np.eye(2), phi=4.0)
-    sampling = Sampling(**PAPER, weights=weights)
-    integral = path_integral(problem, FreeSpace.of(scene), sampling, backend=backend)
-    times = integral.steps(3.0)
-    tapes = np.array([np.tile(u, (len(times) - 1, 1)) for u in ((1.0, 0.0), (0.5, 0.3))])
-    rollouts = integral.rollout(batch_of(integral, PLACE, times, tapes, counts=[SAMPLES // 4, 3 * SAMPLES // 4]), seed)
-    estimate = integral.estimate(rollouts)
-    states, steps = integral.replay.trace(rollouts, np.arange(3))
-    assert states.shape == (3, len(times), 2)
-    assert np.array_equal(steps, rollouts.paths.steps[:3])
-    tape, alive = integral.replay.tape(estimate.parts)
-    np.testing.assert_allclose(tape[0], estimate.control, atol=1e-3)
-    assert alive[0] == pytest.approx(1.0, abs=1e-3)
-    return estimate, tape[:5]
-
-
-@pytest.mark.parametrize("weights", ["balance", "average"])
-def test_compiled_rollouts_estimate_what_euler_steps_in_numpy_do(weights):
-    """v and u within 4 standard errors of their difference; 20 000 samples each, seeds 1 and 2."""
-    (one, early), (other, late) = estimated(weights, None, 1), estimated(weights, Euler(), 2)
-    assert abs(one.value - other.value) < 4.0 * np.hypot(one.value_error, other.value_error)
-    assert np.all(np.abs(one.control - other.control) < 4.0 * np.hypot(one.control_error, other.control_error))
-    np.testing.assert_allclose(early, late, atol=0.15)
-    assert one.survivors / SAMPLES == pytest.approx(other.survivors / SAMPLES, abs=0.03)

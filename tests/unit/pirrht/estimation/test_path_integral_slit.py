@@ -39,25 +39,24 @@ def test_exit_at_step_ends_takes_the_slit_too_often(slit, slit_tree, b, value, s
 
 def test_the_plain_average_is_too_high_by_a_share_of_lambda_ln_3(slit, slit_tree):
     """Samples around one way hardly visit the other two (trap 4): at b = 0.1 all of lambda ln 3 shows."""
-    temperature = slit.problem.temperature
     balance = at_start(slit, slit_tree, 0.1, 20000).value
     average = at_start(slit, slit_tree, 0.1, 20000, weights="average").value
-    assert average - balance == pytest.approx(temperature * np.log(3.0), rel=0.05)
+    assert average - balance == pytest.approx(slit.problem.temperature * np.log(3.0), rel=0.05)
 
 
 def test_a_sample_belongs_to_the_class_of_its_own_path(slit, slit_tree):
-    plan, homology = plan_at_start(slit, slit_tree, 0.3, 400), slit.space.homology
-    estimate, rollouts = plan.estimate, plan.estimate.rollouts
+    plan = plan_at_start(slit, slit_tree, 0.3, 400)
+    rollouts = plan.estimate.rollouts
     chosen = np.arange(rollouts.size)
     arrived = rollouts.paths.outcome == Outcome.GOAL
     states, steps = plan.replay.trace(rollouts, chosen)
-    windings = [homology.winding(states[s, : steps[s] + 1]) for s in chosen]
-    keys = np.array([homology.key(winding) for winding in windings])
+    windings = [slit.space.homology.winding(states[s, : steps[s] + 1]) for s in chosen]
+    keys = np.array([slit.space.homology.key(winding) for winding in windings])
     np.testing.assert_array_equal(keys[arrived], rollouts.paths.key[arrived])
     own = np.array([class_id(winding) for winding in windings])
-    for name, weight in estimate.class_weights.items():
+    for name, weight in plan.estimate.class_weights.items():
         if name != "other":
-            assert estimate.weight[arrived & (own == name)].sum() == pytest.approx(weight, abs=1e-12)
+            assert plan.estimate.weight[arrived & (own == name)].sum() == pytest.approx(weight, abs=1e-12)
     drawn = np.repeat(["0,0", "-1,0", "0,1"], 400)
     assert np.any(own[arrived] != drawn[arrived])  # noise takes some to another class than their reference's
 

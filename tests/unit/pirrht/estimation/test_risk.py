@@ -28,8 +28,7 @@ def chance_of_a_held_chain(margin: float, far: float = 20.0, points: int = 1500)
 
 @pytest.mark.parametrize("margin", [0.0, 0.5, 1.0])
 def test_the_offset_is_the_chance_that_a_held_chain_beside_a_wall_collides_to_a_tenth(margin):
-    exact = chance_of_a_held_chain(margin)
-    assert offset(1.0, margin) == pytest.approx(exact, rel=0.1)
+    assert offset(1.0, margin) == pytest.approx(chance_of_a_held_chain(margin), rel=0.1)
 
 
 def test_exposure_is_the_chance_of_a_bridge_to_come_near_a_wall_that_it_misses():
@@ -77,8 +76,7 @@ def test_a_held_control_adds_nothing_where_noise_acts_on_derivatives_of_the_posi
 def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wall(slit, slit_tree):
     problem = replace(slit.problem, phi=7.0)
     settings = replace(slit.sampling, samples=2000, guide="open-loop")
-    controller = Controller(problem, slit.space, slit_tree, settings, rng=np.random.default_rng(2))
-    plan = controller.plan(slit.start)
+    plan = Controller(problem, slit.space, slit_tree, settings, rng=np.random.default_rng(2)).plan(slit.start)
     found = collision_probability(problem, plan.estimate, step=STEP, classes=plan.classes)
     (part,) = plan.estimate.parts
     weight = np.exp(part.log_weight - part.log_weight.max())

@@ -48,9 +48,9 @@ def test_the_field_gives_little_room_away_near_the_surface(kind):
     """Twice the bound of interpolation, h^2 / (4 d) with d from the solid; one cell where two components meet."""
     space = cluttered(kind)
     h, points = space.field.spacing, points_in(space, 1500, 3)
-    exact, found = space.collision.clearance(points), field_at(space, points)
+    exact = space.collision.clearance(points)
     near = (exact > -0.5 * RADIUS) & (exact < 2 * h)
-    lost = (exact - found)[near]
+    lost = (exact - field_at(space, points))[near]
     assert near.sum() > 30
     assert np.median(lost) < 2 * h**2 / (4 * 0.5 * RADIUS)
     assert lost.max() < 1.5 * h
@@ -88,8 +88,7 @@ def test_a_certified_arc_is_free_by_fcl_at_every_point():
         if certify_curve(space.static, pose, np.array([kappa]), np.array([length])) != FREE:
             continue
         certified += 1
-        s = np.linspace(0, length, 60)
-        heading = pose[2] + kappa * s
+        heading = pose[2] + kappa * np.linspace(0, length, 60)
         arc = start + np.column_stack([np.sin(heading) - np.sin(pose[2]), np.cos(pose[2]) - np.cos(heading)]) / kappa
         assert np.all(space.collision.clearance(arc) > 0)
     assert certified > 100
@@ -162,9 +161,9 @@ def test_both_jambs_of_a_doorway_count_although_they_join() -> None:
 def test_the_field_tells_no_more_of_the_second_wall_than_there_is() -> None:
     """Further off, its clearance is known on coarser grids; a few points are beside one where another wall counts."""
     space = doorway()
-    field, (nearest, second, label) = space.field, space.field.arrays
+    (nearest, second, label) = space.field.held.values()
     rows = np.argwhere((nearest > 0.005) & (nearest < 0.1))[::17]
-    _, exact, sure = expected(space.collision, space.scene.lower + rows * field.spacing, REACH + 0.1)
+    _, exact, sure = expected(space.collision, space.scene.lower + rows * space.field.spacing, REACH + 0.1)
     at, exact = tuple(rows[sure].T), exact[sure] - 0.1
     assert np.all(second[at] <= exact + 2e-3)
     assert np.mean(second[at] > exact - GAP) > 0.97

@@ -42,9 +42,8 @@ def poses_in(world: Workspace, count: int, seed: int) -> np.ndarray:
 
 def fcl_contacts(world: Workspace, footprint: Footprint, poses: np.ndarray) -> np.ndarray:
     """Whether FCL finds a contact of a thin prism at poses (k, 3), (k,)."""
-    hull = footprint.hull
-    k, others = len(hull), [solid_of(obstacle) for obstacle in world.obstacles]
-    vertices = np.vstack([np.column_stack((hull, np.full(k, z))) for z in (-0.5 * SLICE, 0.5 * SLICE)])
+    k, others = len(footprint.hull), [solid_of(obstacle) for obstacle in world.obstacles]
+    vertices = np.vstack([np.column_stack((footprint.hull, np.full(k, z))) for z in (-0.5 * SLICE, 0.5 * SLICE)])
     sides = [[4, i, (i + 1) % k, k + (i + 1) % k, k + i] for i in range(k)]
     faces = [[k, *reversed(range(k))], [k, *range(k, 2 * k)], *sides]
     prism = fcl.Convex(vertices, len(faces), np.concatenate(faces))
@@ -140,9 +139,9 @@ def test_a_long_car_and_a_rounded_cart_meet_what_prisms_in_and_around_them_meet(
     around = shape.hull if not shape.rounding else replace(shape, rounding=scale * shape.rounding).outline
     world = clutter(3, boxes=1, poles=2) if shape.reach > 1.0 else clutter(3)
     poses = poses_in(world, 2000, 7)
-    polygon, exact = Polygon.of(world, shape, range(len(world.obstacles))), HullCollision(world, shape)
+    exact = HullCollision(world, shape)
     quick = np.empty(len(poses))
-    clearances(polygon, poses, quick)
+    clearances(Polygon.of(world, shape, range(len(world.obstacles))), poses, quick)
     inner, outer = (fcl_contacts(world, Footprint.polygon(hull), poses) for hull in (shape.outline, around))
     true = exact.clearance(poses)
     assert not np.any((true > 0.0) & inner)
@@ -237,8 +236,8 @@ def test_motions_that_are_certified_free_are_and_blocked_ones_are_not(kind: str)
 
 def test_a_noisy_step_survives_next_to_a_wall_as_often_as_its_fine_steps_do():
     world = Workspace(np.zeros(2), np.full(2, SIDE), solids.boxes([[0.0, 0.0, SIDE, 1.0]], 0.5))
-    polygon, rng = Polygon.of(world, CART, [0], excess=0.002), np.random.default_rng(0)
-    arena = World(polygon, (4.9, 4.9), 0.05, None)
+    rng = np.random.default_rng(0)
+    arena = World(Polygon.of(world, CART, [0], excess=0.002), (4.9, 4.9), 0.05, None)
     pose, noise, dt, fine, many = np.array([2.0, 1.345, 0.35]), np.array([0.05, 0.05, 0.25]), 0.05, 400, 3000
     cov = tuple((np.diag(noise**2) * dt)[np.triu_indices(3)].tolist())
     steps = rng.standard_normal((many, fine, 3)) * noise * np.sqrt(dt / fine)
@@ -280,8 +279,7 @@ def test_noise_of_the_heading_moves_corners_and_a_plan_begins_off_the_wall_by_wh
     assert puck.clearance_spread(scene.start) == pytest.approx(0.1)
     space, deep = FreeSpace.of(scene), np.array([2.0, 1.32, 0.35])
     assert -0.02 < space.world.clearance(tuple(deep)) < 0.0
-    moved = space.world.off_walls(deep, (0, 1, 2), 0.0, 0.002)
-    assert 0.0 < space.clearance(moved) < 0.012
+    assert 0.0 < space.clearance(space.world.off_walls(deep, (0, 1, 2), 0.0, 0.002)) < 0.012
     longer = replace(scene, footprint=Footprint.rectangle(1.2, 0.4, 0.1))
     assert renewed(cart, space, None, scene, None) is None
     assert renewed(cart, space, None, longer, None) is not None

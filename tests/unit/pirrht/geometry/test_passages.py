@@ -37,8 +37,7 @@ def test_a_gap_between_two_blocks_is_a_passage_of_its_width_across_their_line(di
     scene, middle = two_blocks(gap, yaw)
     found, _ = passages_of(scene)
     k = int(np.argmin(np.hypot(*(found.place - middle).T)))
-    across = (found.place[k] - middle) @ [np.cos(yaw), np.sin(yaw)]
-    assert abs(across) < 2e-3
+    assert abs((found.place[k] - middle) @ [np.cos(yaw), np.sin(yaw)]) < 2e-3
     assert found.width[k] == pytest.approx(gap, abs=2e-3)
     assert abs(np.cos(found.heading[k] - yaw)) < 0.05
     assert sorted(found.between(k, FreeSpace.of(scene).collision)) == ["block0", "block1"]
@@ -69,8 +68,7 @@ def test_every_two_discs_with_none_between_them_have_a_passage_midway(seed: int)
         gap = np.hypot(*(b - a)) - r - s
         middle = a + (b - a) * (r + 0.5 * gap) / np.hypot(*(b - a))
         least = min(np.hypot(*(c - middle)) - t for c, t in rows)
-        border = min(*middle, *(6.0 - middle))
-        if least < 0.5 * gap - 1e-9 or border < 0.5 * gap or gap > 1.2:
+        if least < 0.5 * gap - 1e-9 or min(*middle, *(6.0 - middle)) < 0.5 * gap or gap > 1.2:
             continue
         near = np.hypot(*(found.place - middle).T)
         assert near.min() < 0.02
@@ -157,15 +155,13 @@ def test_segments_in_and_out_of_narrow_passages_are_free_where_their_clearance_i
     share = np.linspace(0.0, 1.0, 2001)[:, None, None]
     least = collision.clearance((tails + share * (heads - tails)).reshape(-1, 2)).reshape(2001, -1).min(axis=0)
     sure = np.abs(least) > 1e-3
-    found = collision.segments_free(tails, heads)
-    np.testing.assert_array_equal(found[sure], (least > 0.0)[sure])
+    np.testing.assert_array_equal(collision.segments_free(tails, heads)[sure], (least > 0.0)[sure])
     through = collision.segments_free(np.array([[2.65, 1.0], [3.95, 1.0]]), np.array([[2.65, 3.0], [3.95, 3.0]]))
     assert through.all()
     assert not Collision(replace(scene, narrow=()).world, scene.footprint).free(np.array([[2.65, 2.0]]))[0]
     assert len(FreeSpace.of(scene).obstacles) == 3
     assert len(FreeSpace.of(replace(scene, narrow=())).obstacles) == 1
-    width = find_passages(FreeSpace.of(scene).field, collision).width
-    assert width[:2] == pytest.approx(0.3, abs=2e-3)
+    assert find_passages(FreeSpace.of(scene).field, collision).width[:2] == pytest.approx(0.3, abs=2e-3)
 
 
 def test_a_start_that_touches_is_refused_whatever_the_margin() -> None:

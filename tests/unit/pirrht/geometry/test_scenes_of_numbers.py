@@ -77,8 +77,7 @@ def test_a_polygon_is_as_far_away_as_its_outline(corners, turned: int):
     polygon = np.array(corners, dtype=float)[::turned]
     room = ROOM | {"start": (0.2, 0.2), "goal": (5.8, 4.8, 0.1)}
     points = np.random.default_rng(1).uniform([1.0, 0.8], [5.0, 4.2], (300, 2))
-    border = np.minimum(points, [6, 5] - points).min(axis=1)
-    expected = np.minimum(border, to_outline(polygon, points) - 0.15)
+    expected = np.minimum(np.minimum(points, [6, 5] - points).min(axis=1), to_outline(polygon, points) - 0.15)
     np.testing.assert_allclose(clearance(Scene.from_polygons([polygon], **room), points), expected, atol=1e-5)
 
 

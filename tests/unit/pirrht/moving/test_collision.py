@@ -48,8 +48,8 @@ def test_a_clearance_is_that_of_the_bodies_as_they_stand_then_whatever_was_asked
 @pytest.mark.parametrize("turning", [2.0, 0.0])
 @pytest.mark.parametrize("seed", first(range(3)))
 def test_what_is_surely_free_is_free_and_what_is_met_is_met(seed, turning):
-    bodies, rng = wandering(seed, turning=turning), np.random.default_rng(10 + seed)
-    crowd, hits = MovingObstacles(bodies, FOOTPRINT), 0
+    rng = np.random.default_rng(10 + seed)
+    crowd, hits = MovingObstacles(wandering(seed, turning=turning), FOOTPRINT), 0
     for _ in range(60):
         a, begin, span = rng.uniform(-1.5, 1.5, 2), rng.uniform(0, 4), rng.uniform(0.001, 0.05)
         b = a + rng.uniform(-0.3, 0.3, 2)

@@ -70,8 +70,8 @@ def test_draws_dealt_with_together_make_the_tree_that_they_make_one_by_one(robot
 def test_equal_seeds_grow_and_drive_alike():
     def drive() -> list[episode.Frame]:
         small = scenario_of("small")
-        controller, rng = small.controller(small.grown_tree()), small.plant_rng()
-        return list(episode.run(small.plant(), controller, small.start, rng, max_time=0.2, grow=4))
+        controller = small.controller(small.grown_tree())
+        return list(episode.run(small.plant(), controller, small.start, small.plant_rng(), max_time=0.2, grow=4))
 
     one, other = drive(), drive()
     assert [frame.vertices for frame in one] == [60 + 4 * k for k in range(len(one))]
@@ -182,8 +182,7 @@ def searched(tree: HomologyTree) -> list[dict[Class, float]]:
     heapq.heapify(queue)
     while queue:
         cost, v, turns = heapq.heappop(queue)
-        full = tree.classes and len(settled[v]) >= tree.classes
-        if turns in settled[v] or full:
+        if turns in settled[v] or (tree.classes and len(settled[v]) >= tree.classes):
             continue
         settled[v][turns] = cost
         for e in entering[v]:

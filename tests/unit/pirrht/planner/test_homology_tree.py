@@ -104,8 +104,7 @@ def test_what_cannot_limit_is_refused(slit):
 
 def test_without_obstacles_there_is_one_straight_class():
     scene = scene_of(start=(1.0, 0.0001), goal=(4.0, 4.0, 0.2), side=5.0)
-    tree = tree_in(FreeSpace.of(scene), vertices=50)
-    (reference,) = tree.references(np.array([1.0, 1.0]))
+    (reference,) = tree_in(FreeSpace.of(scene), vertices=50).references(np.array([1.0, 1.0]))
     assert reference.id == "-"
     assert reference.length == pytest.approx(np.hypot(3, 3) - 0.2)
 

@@ -45,7 +45,7 @@ def test_all_ways_past_are_found_whatever_the_seed_and_cost_the_same(name):
 def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_after(name, shortened):
     space = FreeSpace.of(SCENES[name]())
     tree = in_time(space, 3)
-    homology, references = tree.homology, tree.references(START, shortened=shortened)
+    references = tree.references(START, shortened=shortened)
     for one in references:
         knots = one.path.knots
         assert knots[0] == pytest.approx(START)
@@ -53,8 +53,8 @@ def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_aft
         assert np.all(np.diff(knots[:, 2]) > 0.0)
         speed = np.hypot(*np.diff(knots[:, :2], axis=0).T) / np.diff(knots[:, 2])
         assert speed.max() <= tree.steering.limit * (1.0 + 1e-6)
-        assert homology.winding(knots) == one.winding
-        assert one.signature == pytest.approx(homology.signature(START, one.winding))
+        assert tree.homology.winding(knots) == one.winding
+        assert one.signature == pytest.approx(tree.homology.signature(START, one.winding))
         assert np.all(np.abs(1.0 - one.signature) <= tree.limit)
         assert not collides(space, one)
         durations = one.trajectory.durations
@@ -65,9 +65,7 @@ def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_aft
 
 
 def test_where_nothing_moves_the_best_way_is_the_taut_line_at_the_best_speed():
-    block = [disc("post", 3.0, 2.6, 0.4)]
-    space = FreeSpace.of(hall("standing", [], block))
-    found = in_time(space, 0, 400).references(START)
+    found = in_time(FreeSpace.of(hall("standing", [], [disc("post", 3.0, 2.6, 0.4)])), 0, 400).references(START)
     assert {one.id for one in found} == {"0", "1"} or {one.id for one in found} == {"0", "-1"}
     a, b, c = np.array([1.0, 2.5]), np.array([3.0, 2.6]), np.array([5.5, 2.5])
     reach = [np.sqrt(np.sum((p - b) ** 2) - 0.25) for p in (a, c)]
@@ -179,8 +177,7 @@ def least_cost(space: FreeSpace, side: int, x0: float, width: float) -> float:
                 new = np.minimum(new, moved)
         X = x
         best = np.where(_free(crosser, X, Y, T, side), new, np.inf)
-    rest = 2.0 * (np.hypot(goal[0] - X, goal[1] - Y) - 0.3)
-    return float(np.min(best + rest))
+    return float(np.min(best + (2.0 * (np.hypot(goal[0] - X, goal[1] - Y) - 0.3))))
 
 
 def _free(crosser, x: float, y: np.ndarray, t: np.ndarray, side: int) -> np.ndarray:

@@ -121,10 +121,9 @@ def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(see
     assert len(rough) >= 2
     for before in rough:
         after = fine[before.winding]
-        points = after.trajectory.points
         assert after.length <= before.length * (1 + 1e-9)
-        assert space.collision.clearance(points).min() > -1e-3
-        assert space.homology.winding(points) == before.winding
+        assert space.collision.clearance(after.trajectory.points).min() > -1e-3
+        assert space.homology.winding(after.trajectory.points) == before.winding
     lengths = {reference.winding: reference.length for reference in special}
     ratios = [fine[w].length / lengths[w] for w in fine.keys() & lengths.keys()]
     assert np.median(ratios) < 1.02

@@ -38,8 +38,7 @@ def test_a_cart_passes_lengthwise_and_turns_where_there_is_room_and_backs_out_of
 ):
     problem = task(boxes, start, goal)
     space = FreeSpace.of(problem.scene)
-    tree = grown(space, TurnAndGo.of(problem), 450)
-    path = tree.references(space.scene.start)[0].path
+    path = grown(space, TurnAndGo.of(problem), 450).references(space.scene.start)[0].path
     heading = space.scene.start[2]
     for tail, way, length in zip(path.tails, path.start[:, 2], path.length[:, 0], strict=True):
         along = min((way, way + math.pi), key=lambda one: abs(wrapped(one - heading)))

@@ -49,8 +49,7 @@ def test_in_a_straight_channel_transfers_settle_to_its_slowest_mode(b, width, of
 
     Median errors, and nine of ten: the normals of the clearance field are tilted here and there, by up to 10 degrees.
     """
-    known = in_channel(b, width)
-    integral, lead = way(known)
+    integral, lead = way(in_channel(b, width))
     rate, mode = np.hypot(1.0 / b**2, np.pi / width), np.pi / width
     x, share = np.random.default_rng(0).uniform([1.0, 0.15], [3.0, 0.85], (200, 2)).T
     places = np.column_stack((x, 1.0 + width * (share - 0.5)))
@@ -70,8 +69,7 @@ def test_beside_a_reference_the_control_of_a_way_is_that_of_the_grid(make: Made,
     integral, lead = way(known)
     states = beside(known, 0)
     exact = known.truth.control(states) / b**2
-    found = np.array([slope(integral, lead, x) for x in states])
-    error = np.hypot(*(found - exact).T) / np.hypot(*exact.T)
+    error = np.hypot(*(np.array([slope(integral, lead, x) for x in states]) - exact).T) / np.hypot(*exact.T)
     assert np.median(error) < middling
     assert np.quantile(error, 0.9) < most
 
@@ -158,5 +156,4 @@ def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
     climb = integral.proposals.climbing(x, np.array([[4.3, 1.6]]))
     found = integral.estimate(led(integral, x, integral.steps(6.0), climb, count=4000, seed=1))
     assert found.walls.clipped[1] == pytest.approx(0.04 * (1.0 / 0.003 - 1.0 / 0.004), rel=0.05)
-    off = Desirability.of(problem, space).control(x) - found.control
-    assert 1.0 < off[1] < 1.2 * found.control_error[1]
+    assert 1.0 < (Desirability.of(problem, space).control(x) - found.control)[1] < 1.2 * found.control_error[1]

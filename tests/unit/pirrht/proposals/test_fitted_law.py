@@ -21,8 +21,7 @@ def controller(threads: int | None = None) -> Controller:
     problem, space = Problem(dynamics=DoubleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
     tree = HomologyTree(space, Tracked.of(problem, 1.0), limit=0.8, rng=np.random.default_rng(0))
     tree.grow(200)
-    sampling = Sampling(samples=300, threads=threads)
-    made = Controller(problem, space, tree, sampling, rng=np.random.default_rng(1))
+    made = Controller(problem, space, tree, Sampling(samples=300, threads=threads), rng=np.random.default_rng(1))
     made.begin(START)
     return made
 
@@ -37,16 +36,16 @@ def guide():
 
 def plenty(made: Controller):
     """What the next plan would have with twenty times the samples."""
-    tree, integral = made.tree, made.path_integral
-    assert tree is not None
-    batch = made.batch(START, tree.references(START))
+    integral = made.path_integral
+    assert made.tree is not None
+    batch = made.batch(START, made.tree.references(START))
     return integral.estimate(integral.rollout(batch.counting([20 * n for n in batch.counts]), 5), classes=batch.named)
 
 
 def paths(one, law: np.ndarray, count: int = 40) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Paths near the rows of a guide that apply a law (L, n+1, m) without noise."""
-    rng, L = np.random.default_rng(2), len(law)
-    off = 1e-3 * rng.standard_normal((count, L, one.dynamics.n))
+    L = len(law)
+    off = 1e-3 * np.random.default_rng(2).standard_normal((count, L, one.dynamics.n))
     z = np.concatenate([np.ones((count, L, 1)), off], axis=2)
     states = np.concatenate([one.states[:L] + off, one.states[None, L : L + 1].repeat(count, axis=0)], axis=1)
     return states, np.einsum("clj,ljm->clm", z, law), np.full(count, L)
@@ -80,8 +79,8 @@ def test_what_is_known_stays_where_it_was_found_and_fades():
     np.testing.assert_allclose(carried.products, fit.products)
     np.testing.assert_allclose(carried.sums, fit.sums)
     known, step = fit.products[:, 0, 0].copy(), float(one.times[1])
-    later, soon = fit.carried(one, step, timed=True), fit.carried(one, 0.5 * step, timed=True)
-    np.testing.assert_allclose(later.products[:-1, 0, 0], known[1:])
+    soon = fit.carried(one, 0.5 * step, timed=True)
+    np.testing.assert_allclose(fit.carried(one, step, timed=True).products[:-1, 0, 0], known[1:])
     np.testing.assert_allclose(soon.products[1:-1, 0, 0], 0.5 * (known[1:-1] + known[2:]))
     fit.fade()
     np.testing.assert_allclose(fit.products[:, 0, 0], fit.tuning.fit_memory * known)

@@ -40,8 +40,8 @@ def course_of(guide: DDPGuide) -> Course:
 def test_a_course_at_its_own_pace_is_itself():
     one = made(BOX)
     guide = cheapest(one, START)
-    starts, course = one.path_integral.guidance.starts, course_of(guide)
-    again, length = starts.retimed(course, guide.length, guide.times, guide.times)
+    course = course_of(guide)
+    again, length = one.path_integral.guidance.starts.retimed(course, guide.length, guide.times, guide.times)
     assert length == guide.length
     for name in ("states", "control", "gains"):
         np.testing.assert_allclose(getattr(again, name), getattr(course, name), rtol=1e-12, atol=1e-12)
@@ -66,8 +66,7 @@ def test_past_corners_a_guide_drives_at_the_best_speed():
     guides = [optima[0] for optima in one.run.starts.optima.values()]
     assert len(guides) == 2
     for guide in guides:
-        speeds = np.hypot(*guide.modes[: guide.length].T) / asked(one)
-        np.testing.assert_allclose(speeds, 1.0, atol=0.02)
+        np.testing.assert_allclose(np.hypot(*guide.modes[: guide.length].T) / asked(one), 1.0, atol=0.02)
 
 
 @pytest.mark.parametrize("boxes", [(BOX,), (BOX, BEHIND), ((0.6, -1.5, 0.9, 0.0), (1.5, -0.2, 1.8, 1.5))])
@@ -150,6 +149,6 @@ def test_the_rest_to_the_goal_leads_along_a_line_that_never_turns():
     assert kind.along_line
     assert kind.diffusion_block is None
     setup = path_integral(problem, FreeSpace.of(scene), Sampling(samples=10)).setup
-    slope, bend = np.zeros(3), np.zeros((3, 3))
-    forward_pass(kind).expand_end(setup, 2.0, np.array([3.0, 2.0, 0.0]), slope, bend)
+    slope = np.zeros(3)
+    forward_pass(kind).expand_end(setup, 2.0, np.array([3.0, 2.0, 0.0]), slope, np.zeros((3, 3)))
     np.testing.assert_allclose(slope, [-4.0 / np.sqrt(5.0), -2.0 / np.sqrt(5.0), 0.0], atol=1e-6)

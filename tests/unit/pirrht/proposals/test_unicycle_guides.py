@@ -34,9 +34,9 @@ def case(post: bool, b: float, goal: float) -> tuple[Problem, FreeSpace, tuple[F
 def setting(steps: str = "fitted"):
     """Sampler, grid, and the guide of each class past the post."""
     problem, space, references = case(True, 0.03, 4.5)
-    integral, x = path_integral(problem, space, Sampling(steps=steps)), problem.scene.start
-    times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
-    return integral, times, [valid(integral, x, times, w, t) for t, w in references]
+    integral = path_integral(problem, space, Sampling(steps=steps))
+    times = integral.grid(max(running_cost(problem, problem.scene.start, t) for t, _ in references))
+    return integral, times, [valid(integral, problem.scene.start, times, w, t) for t, w in references]
 
 
 def polyline(guide) -> np.ndarray:
@@ -50,8 +50,7 @@ def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_cl
         assert guide.valid
         assert guide.cost < running_cost(integral.problem, np.zeros(3), trajectory)
         line = polyline(guide)
-        middle = 0.5 * (line[1:] + line[:-1])
-        assert integral.space.collision.clearance(np.vstack([line, middle])).min() > 0.0
+        assert integral.space.collision.clearance(np.vstack([line, 0.5 * (line[1:] + line[:-1])])).min() > 0.0
         assert integral.space.homology.winding(line) == winding
 
 
@@ -86,8 +85,7 @@ def test_a_guide_is_a_minimum_of_what_it_minimises():
     assert best == pytest.approx(guide.penalised, abs=2e-3)  # the field errs by up to a millimetre
     t = np.linspace(0.0, 1.0, len(control))
     for _ in range(10):
-        bump = sum(rng.normal() * np.sin(k * np.pi * t) for k in range(1, 6))
-        assert cost(control + 0.02 * bump) > best
+        assert cost(control + 0.02 * sum(rng.normal() * np.sin(k * np.pi * t) for k in range(1, 6))) > best
 
 
 @pytest.mark.parametrize("steps", ["fitted", "uniform"])
@@ -120,8 +118,7 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
     for source, target in [("passive", "cut"), ("passive", "other"), ("wide", "passive"), ("cut", "other")]:
         counts = [40000 * (name == source) for name in names]
         batch = batch_of(integral, x, times, np.zeros((4, 8, 1)), counts=counts, guides=list(laws.values()))
-        rollouts = integral.rollout(batch, 3)
-        ratio = rollouts.paths.log_ratio
+        ratio = integral.rollout(batch, 3).paths.log_ratio
         weight = np.exp(ratio[:, names.index(target)] - ratio[:, names.index(source)])
         error = weight.std() / np.sqrt(len(weight))
         assert 0.0 < error < 0.1

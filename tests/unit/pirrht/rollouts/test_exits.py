@@ -112,8 +112,8 @@ def test_a_weighed_step_goes_on_with_the_probability_that_another_is_not_ended(t
 
 
 def test_a_step_beside_the_goal_ends_in_it_with_the_probability_of_a_flat_rim():
-    tail, head, variance = np.array([0.9, 3.2]), np.array([0.88, 3.2]), 0.01
-    outcome, _, _ = bridges(tail, head, variance)
+    head, variance = np.array([0.88, 3.2]), 0.01
+    outcome, _, _ = bridges(np.array([0.9, 3.2]), head, variance)
     expected = np.exp(-2.0 * 0.1 * 0.08 / variance)
     assert np.mean(outcome == GOAL) == pytest.approx(expected, abs=4 * np.sqrt(expected * (1 - expected) / DRAWS))
 
@@ -138,14 +138,14 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
 def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_by_step():
     """400 walks of steps up to 0.3 m that turn by up to 0.5 rad; they differ by 5 mm at a wall, or along it."""
     space = room()
-    arena, rng, compared = space.world, np.random.default_rng(8), []
+    rng, compared = np.random.default_rng(8), []
     for _ in range(400):
         at, theta, known = np.array([1.0, 2.0]), rng.uniform(-np.pi, np.pi), 0.0
         for _ in range(60):
             turn, length = rng.uniform(-0.5, 0.5), rng.uniform(0.02, 0.3)
             head = at + length * np.array([np.cos(theta + turn / 2), np.sin(theta + turn / 2)])
-            found, share, known = sweep(arena, tuple(at), tuple(head), turn, known)
-            exit, wanted, _ = sweep(arena, tuple(at), tuple(head), turn)
+            found, share, known = sweep(space.world, tuple(at), tuple(head), turn, known)
+            exit, wanted, _ = sweep(space.world, tuple(at), tuple(head), turn)
             assert known <= space.collision.clearance(head[None])[0] + 1e-9 or found != INSIDE
             if found != exit:
                 way = at + np.linspace(0.0, 1.0, 200)[:, None] * (head - at)
@@ -163,12 +163,11 @@ def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_b
 
 def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
     space, rng, exits = room(), np.random.default_rng(6), []
-    arena = space.world
     for _ in range(1500):
         tail, head = rng.uniform(-0.2, 4.2, (2, 2))
         if not space.collision.free(tail[None])[0] or space.scene.goal.contains(tail):
             continue
-        exit, share, _ = sweep(arena, tuple(tail), tuple(head))
+        exit, share, _ = sweep(space.world, tuple(tail), tuple(head))
         exits.append(exit)
         line = tail + np.linspace(0, share if exit == GOAL else 1.0, 200)[:, None] * (head - tail)
         gap = space.collision.clearance(line).min()

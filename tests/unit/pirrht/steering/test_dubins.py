@@ -104,8 +104,7 @@ def test_distance_is_an_asymmetric_metric(sample: tuple[np.ndarray, np.ndarray])
     length = CAR.distance(tails, heads) * CAR.V
     assert np.all(length >= np.hypot(*(heads - tails)[:, :2].T) - 1e-9)
     assert np.all(length >= np.abs(wrapped(heads[:, 2] - tails[:, 2])) * R - 1e-9)
-    detour = (CAR.distance(tails, between) + CAR.distance(between, heads)) * CAR.V
-    assert np.all(length <= detour + 1e-8)
+    assert np.all(length <= ((CAR.distance(tails, between) + CAR.distance(between, heads)) * CAR.V) + 1e-8)
     assert CAR.distance(tails, tails).max() == 0.0
     reverse = np.array([0.0, 0.0, np.pi])
     np.testing.assert_allclose(CAR.distance(heads + reverse, tails + reverse) * CAR.V, length, atol=1e-7)
@@ -143,9 +142,9 @@ def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> None:
     """Turn towards the goal point and go straight: nothing shorter reaches the disc."""
-    space, rng = FreeSpace.of(scene_of(start=(1.0, 1.0), goal=(8.0, 8.0, 0.3), side=9.0)), np.random.default_rng(seed)
+    space = FreeSpace.of(scene_of(start=(1.0, 1.0), goal=(8.0, 8.0, 0.3), side=9.0))
     goal = space.scene.goal
-    states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
+    states = np.vstack([np.random.default_rng(seed).uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
     checker = CAR.checker(space)
     path = checker.until_goal(CAR.connect(states[:-1], states[1:]))
     aims = np.linspace(-np.pi, np.pi, 2001)[:, None]

@@ -58,8 +58,7 @@ def test_equal_solids_in_one_place_take_no_more_work_than_one(monkeypatch):
     assert len(many.names) == 500
     np.testing.assert_array_equal(many.marker, alone.marker)
     scene = scene_of([box(0, 1, 0, 1)] * 500, start=(-2, -2), goal=(2, 2), lower=(-5, -5), side=5.0, radius=RADIUS)
-    collision = Collision(scene.world, scene.footprint)
-    walls = collision.nearest_walls(np.array([[2.0, 0.5]]), range(500), 3.0)
+    walls = Collision(scene.world, scene.footprint).nearest_walls(np.array([[2.0, 0.5]]), range(500), 3.0)
     assert (walls.first[0], walls.which[0]) == (pytest.approx(1.0), 0)
 
 

@@ -65,8 +65,7 @@ GOOD, HEAVY, LOST = estimate(), estimate(heavy=True), estimate(own=1.0, weight=0
     ],
 )
 def test_doubts_that_standard_errors_hide_are_reported(estimates, cost, line):
-    reference = SimpleNamespace(id="0,0", cost=VALUE + cost * TEMPERATURE)
-    lines = doubts(estimates, [reference], TEMPERATURE, None)
+    lines = doubts(estimates, [SimpleNamespace(id="0,0", cost=VALUE + cost * TEMPERATURE)], TEMPERATURE, None)
     assert len(lines) == bool(line)
     assert line in "".join(lines)
 

@@ -18,8 +18,7 @@ BODIES = [*oblique().movers, PATROL, replace(PATROL, motion=PATROL.motion.after(
 
 def gap(ring: np.ndarray, true: np.ndarray) -> float:
     """How far corners of a true outline are from a drawn one at most [m]."""
-    ends = np.roll(ring, -1, axis=0)
-    side = ends - ring
+    side = np.roll(ring, -1, axis=0) - ring
     share = np.clip(np.sum((true[:, None] - ring) * side, axis=2) / np.sum(side**2, axis=1), 0.0, 1.0)
     return float(np.linalg.norm(true[:, None] - ring - share[..., None] * side, axis=2).min(axis=1).max())
 

@@ -151,7 +151,7 @@ def test_errors_of_either_thread_and_whoever_gives_up_end_the_run_and_leave_no_t
 
 
 def test_predictions_end_before_the_goal_and_have_few_steps_where_a_plant_is_late(slit: Scenario):
-    policy, goal = FakePolicy(slit, FakeClock()), slit.problem.scene.goal
+    policy = FakePolicy(slit, FakeClock())
 
     def ahead(speed: float, time: float, x: Array, until: float) -> Array:
         ready = TimedPlan(plan=plan(x, speed), plan_seconds=0.0)
@@ -160,7 +160,7 @@ def test_predictions_end_before_the_goal_and_have_few_steps_where_a_plant_is_lat
     late = ahead(0.01, 0.0, slit.start, 1.0)
     assert len(late) == MOST_PIECES + 1
     np.testing.assert_allclose(late[-1], np.add(slit.start, (0.01, 0.0)), atol=1e-12)
-    x = goal.center - [goal.radius + 0.035, 0.0]
+    x = slit.problem.scene.goal.center - [slit.problem.scene.goal.radius + 0.035, 0.0]
     np.testing.assert_allclose(ahead(1.0, 0.0, x, 0.1), [np.add(x, (0.01 * k, 0.0)) for k in range(4)])
     np.testing.assert_allclose(ahead(1.0, 0.05, slit.start, 0.1)[-1], np.add(slit.start, (0.05, 0.0)))
     np.testing.assert_array_equal(ahead(1.0, 0.2, slit.start, 0.1), [slit.start])  # too late

@@ -10,7 +10,7 @@ from pirrht.errors import OptionError, PirrhtError
 from pirrht.geometry.footprint import Footprint
 from pirrht.outcome import Outcome
 from pirrht.systems.rover import Rover
-from sim.drawing.strokes import headed, rings
+from sim.drawing.strokes import along_reference, rings
 from sim.drive.executor import ClearanceChecker, Executor, Plant
 from sim.mjcf import load
 from sim.mjcf.footprint import PRESETS, collision_of, footprint_of
@@ -68,8 +68,8 @@ def test_a_disc_among_the_presets_is_a_radius_and_a_scene_may_carry_a_footprint(
 def test_mujoco_meets_an_obstacle_where_the_footprint_does(tmp_path, robot):
     option = '<compiler angle="radian"/>'
     loaded = load(scene_file(tmp_path, world=SHAPES, option=option, start="-4 -4 0"), robot=robot, footprint=CART)
-    scene, joints, rng = loaded.scene, loaded.adapter.joints(loaded.model), np.random.default_rng(5)
-    exact, data = collision_of(scene.world, scene.body), mujoco.MjData(loaded.model)
+    joints, rng = loaded.adapter.joints(loaded.model), np.random.default_rng(5)
+    exact, data = collision_of(loaded.scene.world, loaded.scene.body), mujoco.MjData(loaded.model)
     poses = np.column_stack([rng.uniform(-2.0, 2.0, (400, 2)), rng.uniform(-np.pi, np.pi, 400)])
     mujoco.mj_resetDataKeyframe(loaded.model, data, 0)
     touching = []
@@ -91,11 +91,9 @@ def test_a_robot_without_a_disc_plans_as_the_hull_of_what_collides(tmp_path, wri
     <geom name="nose" type="cylinder" pos="0.4 0 0.1" size="0.1 0.05"/>"""
     file = write(text[:start] + geoms + text[end:], "lorry.xml")
     loaded = load(scene_file(tmp_path), robot=file)
-    footprint = loaded.scene.footprint
-    hull = footprint.hull
-    assert not footprint.is_disc
-    np.testing.assert_allclose(hull.min(axis=0), [-0.2, -0.2])
-    assert 0.5 <= hull[:, 0].max() <= 0.501  # around what is round
+    assert not loaded.scene.footprint.is_disc
+    np.testing.assert_allclose(loaded.scene.footprint.hull.min(axis=0), [-0.2, -0.2])
+    assert 0.5 <= loaded.scene.footprint.hull[:, 0].max() <= 0.501  # around what is round
     assert loaded.scene.robot_height == pytest.approx(0.1)
     assert load(scene_file(tmp_path), robot=file, footprint=CART).scene.footprint.is_rectangle
     assert "give --footprint" in refusal(scene_file(tmp_path), robot=file, radius=0.3)
@@ -110,12 +108,11 @@ def test_a_cart_that_turns_on_the_spot_hits_what_its_corners_reach(tmp_path):
     for plant in (Executor(loaded, problem, period=1.0), Plant(problem, period=1.0)):
         found = plant.advance(lambda x, s: np.array([0.0, 1.5]), np.random.default_rng(0))
         assert found.outcome is Outcome.COLLISION
-        corner = 0.7 * np.sin(plant.state[2]) + 0.2 * np.cos(plant.state[2])
-        assert corner == pytest.approx(0.5, abs=0.01)
+        assert (0.7 * np.sin(plant.state[2]) + 0.2 * np.cos(plant.state[2])) == pytest.approx(0.5, abs=0.01)
     checker = ClearanceChecker(loaded.scene, loaded.adapter)
-    ahead, aside = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, np.pi])
+    ahead = np.array([0.0, 0.0, 0.0])
     assert checker.least(ahead[None], np.zeros(1)) == pytest.approx(0.3)
-    assert checker.blocked(ahead, aside)
+    assert checker.blocked(ahead, np.array([0.0, 0.0, np.pi]))
     assert not checker.blocked(ahead, np.array([0.5, 0.0, 0.0]))
 
 
@@ -127,11 +124,13 @@ def test_plans_and_pictures_know_the_corners_of_the_robot():
     assert "footprint" not in settings_json(prepare("slit"))
     assert scene.body.corners == footprint_of(CART).corners
     assert not room_of(scene).footprint.is_disc
-    line = headed(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), 5)
-    np.testing.assert_allclose(line[[0, -1], 2], [0.0, np.pi / 2])
+    poses = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.5 * np.pi]])
+    tree = scenario.empty_tree()
+    line = along_reference(tree, tree.steering.connect(poses[:-1], poses[1:]), 5)
+    np.testing.assert_allclose(line[[0, 1, 4]], [[1, 1, 0], [0.5, 1, 0], [0, 2, 0.5 * np.pi]], atol=1e-12)  # it backs
     drawn = rings(scene.body, line)
     assert drawn.shape == (5, 5, 2)
-    np.testing.assert_allclose(drawn[0, [0, 2]], [[-0.3, -0.2], [0.7, 0.2]])
+    np.testing.assert_allclose(drawn[0, [0, 2]], [[0.7, 0.8], [1.7, 1.2]])
     assert rings(Footprint.disc(0.2), line[:1]).shape[1] > 20
 
 

@@ -78,8 +78,7 @@ def test_counts_that_take_too_much_are_refused(write, case):
 
 @pytest.mark.parametrize("size", ["nkey", "nuserdata", "nuser_geom", "njmax", "nconmax"])
 def test_sizes_of_memory_that_a_file_states_change_nothing_and_warnings_are_not_printed(write, size, capfd):
-    head = f'<size {size}="1000000000"/><compiler settotalmass="3"/>'
-    assert load(write(mjcf(SITES, head=head))).model.nq == 2
+    assert load(write(mjcf(SITES, head=f'<size {size}="1000000000"/><compiler settotalmass="3"/>'))).model.nq == 2
     assert capfd.readouterr().err == ""
 
 

@@ -15,8 +15,7 @@ from sim.scenario import prepare
 def solids(loaded: Loaded) -> list[tuple]:
     """Sizes and places of all of the robot that collides, in a row that names do not order."""
     model = loaded.model
-    bits = (model.geom_contype | model.geom_conaffinity).astype(bool)
-    numbers = np.flatnonzero(loaded.robot_geoms & bits)
+    numbers = np.flatnonzero(loaded.robot_geoms & (model.geom_contype | model.geom_conaffinity).astype(bool))
     return sorted((int(model.geom_type[g]), *model.geom_size[g], *model.geom_pos[g]) for g in numbers)
 
 
@@ -51,8 +50,7 @@ ROOM = """<mujoco><worldbody>{}
 @pytest.mark.parametrize("robot", ["puck", "unicycle"])
 def test_a_robot_that_starts_inside_the_margin_drives_out_of_it_and_arrives(write, robot):
     file = write(ROOM.format(""))
-    given = {"vertices": 400, "noise": 0.03, "max_time": 8.0}
-    scenario = prepare(file, robot=robot, margin=0.2, given=given)
+    scenario = prepare(file, robot=robot, margin=0.2, given={"vertices": 400, "noise": 0.03, "max_time": 8.0})
     frames = list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
     assert frames[-1].outcome is Outcome.GOAL
     states = np.vstack([frame.advance.states for frame in frames])

@@ -68,9 +68,9 @@ def test_nested_and_rotated_shapes_stand_where_mujoco_has_them(write):
         <geom size="0.3" pos="2 0 0.1"/></body>"""
     wedge = f'<asset><mesh name="wedge" vertex="{WEDGE}"/></asset>'
     loaded = load(write(mjcf(SITES + FLOOR + shapes, head=wedge)))
-    scene, points = loaded.scene, np.random.default_rng(0).uniform(0, 10, (200, 2))
-    assert {o.kind for o in scene.obstacles} == set(Kind)
-    flat = rebuilt(scene)
+    points = np.random.default_rng(0).uniform(0, 10, (200, 2))
+    assert {o.kind for o in loaded.scene.obstacles} == set(Kind)
+    flat = rebuilt(loaded.scene)
     footprint = loaded.model.geom("robot/footprint").id
     ours = distances(flat, range(flat.ngeom - 1), flat.ngeom - 1, points)
     theirs = distances(loaded.model, np.flatnonzero(loaded.obstacle_geoms), footprint, points)
@@ -118,8 +118,7 @@ def test_without_a_workspace_the_floor_is_the_border_and_the_x_axis_of_the_start
 
 
 def test_start_goal_and_radius_of_the_caller_win(write):
-    head = '<custom><numeric name="pirrht_radius" data="0.3"/></custom>'
-    path = write(mjcf(GOAL + SPACE, head=head))
+    path = write(mjcf(GOAL + SPACE, head='<custom><numeric name="pirrht_radius" data="0.3"/></custom>'))
     loaded = load(path, start=(2, 3), goal=(7, 8, 0.5))
     np.testing.assert_allclose(loaded.scene.start, [2, 3, 0])
     np.testing.assert_allclose([*loaded.scene.goal.center, loaded.scene.goal.radius], [7, 8, 0.5])

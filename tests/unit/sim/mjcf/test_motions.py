@@ -26,9 +26,8 @@ def test_a_motion_makes_a_mover_of_its_body_and_of_bodies_in_it_and_leaves_the_r
       </body>"""
     half = np.pi / 2
     loaded = load(moving_scene(tmp_path, world, rows("cart", f"0 2 1 {half}  2 5 1 0", repeat=True)))
-    scene = loaded.scene
-    assert [o.name for o in scene.obstacles] == ["wall", "post"]
-    [cart] = scene.movers
+    assert [o.name for o in loaded.scene.obstacles] == ["wall", "post"]
+    [cart] = loaded.scene.movers
     assert (cart.name, cart.motion.repeat) == ("cart", True)
     np.testing.assert_array_equal(cart.motion.rows, [[0, 2, 1, half], [2, 5, 1, 0]])
     box, ball = cart.solids
@@ -44,8 +43,7 @@ def test_a_motion_makes_a_mover_of_its_body_and_of_bodies_in_it_and_leaves_the_r
 
 def test_at_time_zero_the_solids_are_where_the_file_places_them(tmp_path):
     world = body("b", 'type="box" size=".3 .1 .2" pos=".2 .1 0" euler="10 20 30"', "2 0 0.1", more='euler="0 0 40"')
-    path = moving_scene(tmp_path, world, "")
-    [standing] = load(path).scene.obstacles
+    [standing] = load(moving_scene(tmp_path, world, "")).scene.obstacles
     [mover] = load(moving_scene(tmp_path, world, rows("b", f"0 2 0 {np.radians(40)}  1 0 0 0"))).scene.movers
     [there] = mover.at(0.0)
     np.testing.assert_allclose(there.position, standing.position, atol=1e-12)

@@ -13,8 +13,7 @@ WALLS = ("upper wall", "lower wall")
 
 
 def explained(drive, plan):
-    integral = drive.controller.path_integral
-    found = reasons(plan, integral, WALLS, words_of(plan, integral, WALLS))
+    found = reasons(plan, drive.controller.path_integral, WALLS, words_of(plan, drive.controller.path_integral, WALLS))
     return {reason.name: reason for reason in found}
 
 
@@ -34,8 +33,7 @@ def test_a_reason_has_the_cost_the_weight_and_the_value_of_its_class(planned):
     for reference, name in zip(plan.references, plan.ids, strict=True):
         assert found[name].cost == reference.cost
         assert found[name].weight == estimate.class_weights[name]
-    values = np.array([r.value for r in found.values()])
-    together = -temperature * np.log(np.exp(-values / temperature).sum())
+    together = -temperature * np.log(np.exp(-np.array([r.value for r in found.values()]) / temperature).sum())
     other = estimate.class_weights["other"]
     assert together == pytest.approx(estimate.value - temperature * np.log1p(-other), abs=1e-9)
 

@@ -72,6 +72,5 @@ def test_a_recording_with_a_truth_has_the_floor_and_exact_shares(solved, tmp_pat
     look, settings = Look(truth=True), {"scene": "slit", "seed": 0, "method": "pi-rrht"}
     recorder = Recorder(drive.loaded, drive.tree, integral, Sinks(file=file), look, settings=settings, grid=grid)
     logged(recorder, drive.frames(0.02, grid=grid))
-    static = {chunk.entity_path for chunk in RrdReader(str(file)).stream() if chunk.is_static}
-    assert stage.VALUE in static
+    assert stage.VALUE in {chunk.entity_path for chunk in RrdReader(str(file)).stream() if chunk.is_static}
     assert "| exact |" in columns(file)["/why/page"]["TextDocument:text"][0][0]
