@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,19 @@ from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.topology.choice import signature_of
 from pirrht.topology.obstacles import Component, components, continued
 from pirrht.topology.signature import Signature
+
+
+class Member(NamedTuple):
+    """A kind of footprints."""
+
+    collision: type[Collision]  # exact distances of (world, footprint)
+    static: Callable[[Scene, Sequence[int], Disc], Space]  # of obstacles that count; the field of the inscribed disc
+
+
+MEMBERS = {
+    "disc": Member(Collision, lambda scene, members, field: field),
+    "polygon": Member(HullCollision, lambda scene, members, field: Polygon.of(scene.world, scene.footprint, members)),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,7 +89,7 @@ class FreeSpace:
         try:
             members = sorted(i for part in parts for i in part.members)
             field = Disc.over(build_field(collision, members))
-            static = static_of(scene, members, field)
+            static = MEMBERS[scene.footprint.kind].static(scene, members, field)
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
         homology = signature_of(scene, encircled, named)
@@ -142,19 +156,13 @@ class FreeSpace:
 
     def clearance(self, x: Array) -> float:
         """Return the exact clearance at a state or pose x: x, y [m] and, for a polygon, the heading [rad]; in [m]."""
-        count = 2 if self.scene.footprint.is_disc else 3
+        count = self.static.kernels.position + self.static.kernels.turns
         return float(self.collision.clearance(np.asarray(x, dtype=float)[None, :count])[0])
 
 
 def collision_of(scene: Scene) -> Collision:
     """Make the collision checker of a scene's footprint: of a disc, or of a polygon that turns with the heading."""
-    kind = Collision if scene.footprint.is_disc else HullCollision
-    return kind(scene.world, scene.footprint)
-
-
-def static_of(scene: Scene, members: Sequence[int], field: Disc) -> Space:
-    """Make the static free space of a footprint: a disc's is its clearance field, a polygon has a field of its own."""
-    return field if scene.footprint.is_disc else Polygon.of(scene.world, scene.footprint, members)
+    return MEMBERS[scene.footprint.kind].collision(scene.world, scene.footprint)
 
 
 def moving_of(scene: Scene) -> Moving:
@@ -166,6 +174,5 @@ def _checked(scene: Scene, *, start_counts: bool = True) -> tuple[Scene, Collisi
     """Return a scene with waivers of the safety margin where it needs them, and its collision checker."""
     collision = collision_of(scene)
     scene = fitted(scene, collision, start_counts=start_counts)
-    if start_counts and isinstance(collision, HullCollision):
-        scene = collision.fitted(scene)
+    scene = collision.fitted(scene) if start_counts else scene
     return scene, collision_of(scene) if scene.waivers else collision

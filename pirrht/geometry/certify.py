@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from pirrht.geometry.arcs import point_along
 from pirrht.geometry.space import BLOCKED, FREE, LEAST_STEP, UNSURE
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
 
 
@@ -20,6 +21,7 @@ class Certificates(NamedTuple):
     certify: Any
     piece: Any
     curve: Any
+    turn: Any  # on the spot, of poses with a heading
 
 
 @cache
@@ -41,23 +43,30 @@ def certificates(clearance: Any, refused: Any, turns: bool) -> Certificates:
         return x, y
 
     @inlined
-    def turned_pace(static, curvature):  # type: ignore[no-untyped-def]
-        return 1.0 / (1.0 + static.reach * abs(curvature))
+    def turned_pace(static, speed, rate):  # type: ignore[no-untyped-def]
+        return 1.0 / (speed + static.reach * abs(rate))
 
     @inlined
-    def pace(static, curvature):  # type: ignore[no-untyped-def]
+    def pace(static, speed, rate):  # type: ignore[no-untyped-def]
         return 1.0
 
     pose_of, pace_of = (headed, turned_pace) if turns else (bare, pace)
+    stride = TUNING.stride if turns else 1.0
 
     @inlined
-    def covered(static, x, y, theta, ux, uy, curvature, length, patient):  # type: ignore[no-untyped-def]
-        """Judge a piece that sets out along (ux, uy) at a heading: certified stretches must cover it."""
-        s, verdict, per = 0.0, FREE, pace_of(static, curvature)
+    def covered(static, x, y, theta, ux, uy, rate, length, patient, speed=1.0):  # type: ignore[no-untyped-def]
+        """Judge a piece that sets out along (ux, uy) at a heading, or without `speed` turns there at a rate.
+
+        Certified stretches must cover it: to either side of a pose, each of which is tried some way ahead of the last.
+        """
+        s, reached, verdict, per = 0.0, 0.0, FREE, pace_of(static, speed, rate)
         while True:
-            px, py = point_along(x, y, theta, ux, uy, curvature, s)
-            pose = pose_of(px, py, theta + curvature * s)
+            px, py = point_along(x, y, theta, ux, uy, rate, s) if speed > 0.0 else (x, y)
+            pose = pose_of(px, py, theta + rate * s)
             c = clearance(static, pose)
+            if s > reached and s - per * c > reached:
+                s = reached
+                continue
             if c < LEAST_STEP:
                 if refused(static, pose) == BLOCKED:
                     return BLOCKED
@@ -66,7 +75,8 @@ def certificates(clearance: Any, refused: Any, turns: bool) -> Certificates:
                 verdict, c = UNSURE, 0.5 * static.spacing
             if s >= length:
                 return verdict
-            s = min(s + per * c, length)
+            reached = min(s + per * c, length)
+            s = min(s + stride * per * c, length)
 
     @kernel
     def certify(static, pose):  # type: ignore[no-untyped-def]
@@ -96,4 +106,9 @@ def certificates(clearance: Any, refused: Any, turns: bool) -> Certificates:
             theta += curvature[p] * length[p]
         return verdict
 
-    return Certificates(certify, piece, curve)
+    @kernel
+    def turn(static, pose, angle, patient=True):  # type: ignore[no-untyped-def]
+        rate = math.copysign(1.0, angle)
+        return covered(static, pose[0], pose[1], pose[2], 0.0, 0.0, rate, abs(angle), patient, 0.0)
+
+    return Certificates(certify, piece, curve, turn)

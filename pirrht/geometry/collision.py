@@ -13,8 +13,9 @@ import fcl
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray, IntArray
+from pirrht.geometry.arcs import along
 from pirrht.geometry.footprint import Footprint
-from pirrht.geometry.scene import Kind, Obstacle, Workspace
+from pirrht.geometry.scene import Kind, Obstacle, Scene, Workspace
 from pirrht.geometry.shapes import Solids, distances, hull_of
 from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.walls import Found, nearest_walls
@@ -155,15 +156,18 @@ class Collision:
         """Return the capsule that the robot sweeps between two places (2,) with a radius [m]."""
         return _capsule(radius, np.append(0.5 * (tail + head), self.footprint.height), head - tail)
 
-    def bisect_free(self, pose: Callable[[float], Array], length: float, curvature: float = 0.0) -> bool:
+    def arc_free(self, start: tuple[float, float, float], curvature: float, length: float) -> bool:
+        """Return whether an arc from a pose, along its heading, of a curvature [1/m] and length [m] is free."""
+        return self.bisect_free(lambda s: np.array(along(*start, curvature, s)), length)
+
+    def bisect_free(self, place: Callable[[float], Array], length: float) -> bool:
         """Return whether clearances certify a curve: a piece ab is free if c(a) + c(b) > |ab|.
 
-        `pose` takes an arc length in [0, length] [m] to where the robot is, x and y [m] first; how it turns there, by a
-        `curvature` [1/m], does not matter to a disc.
+        `place` takes an arc length in [0, length] [m] to where the robot is, x and y [m] first.
         """
 
         def clear(s: float) -> float:
-            return float(self.clearance(pose(s)[None, :2])[0])
+            return float(self.clearance(place(s)[None, :2])[0])
 
         return not touches(clear, lambda a, b: b - a, length, slack=TUNING.rounding)
 
@@ -181,6 +185,10 @@ class Collision:
             kink = np.where(np.abs(eased[near] - rim) < TUNING.kink_cells * cell, min(0.6 * cell, 0.5 * less), 0.0)
             eased[near] = np.maximum(eased[near], np.minimum(rim, d[near] + less)) - kink
         return eased
+
+    def fitted(self, scene: Scene) -> Scene:
+        """Return the scene with what its footprint requires around the start: of a disc nothing more."""
+        return scene
 
     @property
     def least_radius(self) -> float:

@@ -49,6 +49,12 @@ def walls(static, pose):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def known_walls(static, pose, known):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls of a place of which `distances` are known."""
+    return walls(static, pose)
+
+
+@inlined
 def refused(static, pose):  # type: ignore[no-untyped-def]
     """Return BLOCKED or UNSURE for a place that is not certified; the nearest grid point bounds its clearance."""
     x, y = pose
@@ -226,6 +232,16 @@ def enter_goal(arena, step, g0, g1, cov, line, state):  # type: ignore[no-untype
     return first_crossing(max(g0, MIN_VARIANCE), g1, math.sqrt(variance), state)
 
 
+@inlined
+def first_met(state, wall_time, goal_time, log_survival):  # type: ignore[no-untyped-def]
+    """Return what `SpaceKernels.bridge` does, by the shares of a step at which it meets a wall and enters the goal."""
+    if goal_time == NEVER and wall_time == NEVER:
+        return state, INSIDE, 1.0, log_survival
+    if goal_time <= wall_time:
+        return state, GOAL, goal_time, goal_time * log_survival
+    return state, COLLISION, wall_time, 0.0
+
+
 @kernel
 def bridge(arena, pose, moved, before, after, cov, weighed, state, line=False):  # type: ignore[no-untyped-def]
     """Judge how a noisy step ends (paper, eq. 3, between the steps).
@@ -245,11 +261,7 @@ def bridge(arena, pose, moved, before, after, cov, weighed, state, line=False): 
         state, wall_time, lasting = _meet_walls(arena.static, step, before, after, cov, near, weighed, state)
     if may_meet(before[2], after[2], reach):
         state, goal_time = enter_goal(arena, step, before[2], after[2], cov, line, state)
-    if goal_time == NEVER and wall_time == NEVER:
-        return state, INSIDE, 1.0, lasting
-    if goal_time <= wall_time:
-        return state, GOAL, goal_time, goal_time * lasting
-    return state, COLLISION, wall_time, 0.0
+    return first_met(state, wall_time, goal_time, lasting)
 
 
 @kernel
@@ -343,11 +355,11 @@ def rim(arena, pose, cov):  # type: ignore[no-untyped-def]
     return (ex, ey), rim_along(arena, pose[0], pose[1], ex, ey), alone
 
 
-certify, certify_piece, certify_curve = certificates(clearance, refused, False)
+certify, certify_piece, certify_curve, _ = certificates(clearance, refused, False)
 
 DISC = SpaceKernels(
     position=2, turns=False, isotropic=True, near_most=NEAR_MOST, clearance=clearance, place=clearance, walls=walls,
-    near=near, distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep, bridge=bridge,
-    end=endpoint_exit, exit=towards_exit, rim=rim, certify=certify, certify_place=certify,
+    known_walls=known_walls, near=near, distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep,
+    bridge=bridge, end=endpoint_exit, exit=towards_exit, rim=rim, certify=certify, certify_place=certify,
     certify_piece=certify_piece, certify_curve=certify_curve,
 )  # fmt: skip

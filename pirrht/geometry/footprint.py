@@ -90,6 +90,11 @@ class Footprint:
         return len(self.corners) == 1
 
     @property
+    def kind(self) -> str:
+        """Return the name of its kind."""
+        return "disc" if self.is_disc else "polygon"
+
+    @property
     def is_rectangle(self) -> bool:
         """Return whether its corners are those of a rectangle along the heading."""
         return len(self.corners) == 4 and [*(len({point[k] for point in self.corners}) for k in (0, 1))] == [2, 2]

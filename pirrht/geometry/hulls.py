@@ -7,17 +7,18 @@ its contacts, which are right.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array, BoolArray
+from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import SceneError
-from pirrht.geometry.collision import Collision, touches
-from pirrht.geometry.scene import Scene, Waiver
-from pirrht.geometry.shapes import PROBE, distance_from, offset_from, square_to
+from pirrht.geometry.arcs import point_along
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.footprint import Footprint, placed
+from pirrht.geometry.scene import Scene, Waiver, Workspace
+from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from, square_to
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import borrowing, kernel
 
@@ -110,23 +111,73 @@ def _from_hull(solids, m, height, corners, halvings):  # type: ignore[no-untyped
     return best
 
 
-@kernel
-def hull_distances(solids, members, hull, farthest, poses, height, out):  # type: ignore[no-untyped-def]
-    """Write distances from the nearest of the members to a hull (l, 2) at poses (k, 3), a height [m], out (k,).
+class HullNumbers(NamedTuple):
+    """A footprint that turns with the heading among solids, as kernels take it; lengths in [m]."""
 
-    No corner is farther from the reference point than `farthest` [m].
-    """
-    corners = np.empty(hull.shape)
+    solids: Solids
+    members: IntArray  # indices of the solids that count
+    hull: Array  # corners of the hull, (l, 2)
+    height: float
+    farthest: float  # distance of the farthest corner from the reference point
+    rounding: float  # by which the hull is grown
+    radius: float  # of the inscribed disc
+    waivers: Array  # (w, 4) x, y, radius of a disc, and by how much the margin is smaller there
+    lower: Array  # (2,) least corner of the workspace
+    upper: Array  # (2,)
+
+
+@borrowing
+def _clearance(numbers, x, y, th, corners):  # type: ignore[no-untyped-def]
+    """Return the exact clearance at a pose [m]; `corners` (l, 2) is scratch."""
+    hull = numbers.hull
+    best, radius = math.inf, numbers.radius
+    for k in range(len(hull)):
+        corners[k, 0] = x + math.cos(th) * hull[k, 0] - math.sin(th) * hull[k, 1]
+        corners[k, 1] = y + math.sin(th) * hull[k, 0] + math.cos(th) * hull[k, 1]
+    for m in numbers.members:
+        if square_to(numbers.solids.low, numbers.solids.high, m, x, y) < (best + numbers.farthest) ** 2:
+            best = min(best, _from_hull(numbers.solids, m, numbers.height, corners, TUNING.edge_halvings))
+    clear = best - numbers.rounding + radius
+    eased = clear
+    for w in range(len(numbers.waivers) if clear > 0.0 else 0):
+        disc = numbers.waivers[w]
+        rim = radius + disc[2] - math.sqrt((x - disc[0]) ** 2 + (y - disc[1]) ** 2)
+        eased = max(eased, min(rim, clear + disc[3]))
+    across = min(x - numbers.lower[0], numbers.upper[0] - x)
+    along = min(y - numbers.lower[1], numbers.upper[1] - y)
+    return min(eased - radius, min(across, along))
+
+
+@kernel
+def hull_clearances(numbers, poses, out):  # type: ignore[no-untyped-def]
+    """Write exact clearances at poses (k, 3) to out (k,) [m]."""
+    corners = np.empty(numbers.hull.shape)
     for i in range(len(poses)):
-        x, y, th = poses[i]
-        for k in range(len(hull)):
-            corners[k, 0] = x + math.cos(th) * hull[k, 0] - math.sin(th) * hull[k, 1]
-            corners[k, 1] = y + math.sin(th) * hull[k, 0] + math.cos(th) * hull[k, 1]
-        best = math.inf
-        for m in members:
-            if square_to(solids.low, solids.high, m, x, y) < (best + farthest) ** 2:
-                best = min(best, _from_hull(solids, m, height, corners, TUNING.edge_halvings))
-        out[i] = best
+        out[i] = _clearance(numbers, poses[i, 0], poses[i, 1], poses[i, 2], corners)
+
+
+@kernel
+def hull_is_free(numbers, start, speed, rate, length):  # type: ignore[no-untyped-def]
+    """Return whether a motion from a pose is free, along its heading at a speed that turns at a rate [rad] per unit.
+
+    Clearances to either side of a pose must cover it; what stays undecided down to `TUNING.shortest` is not free.
+    """
+    (x, y, th), corners = start, np.empty(numbers.hull.shape)
+    s, reached = 0.0, 0.0
+    per = 1.0 / (speed + (numbers.farthest + numbers.rounding) * abs(rate))
+    ux, uy = math.cos(th), math.sin(th)
+    while True:
+        px, py = point_along(x, y, th, ux, uy, rate, s) if speed > 0.0 else (x, y)
+        c = _clearance(numbers, px, py, th + rate * s, corners) - TUNING.rounding
+        if s > reached and s - per * c > reached:
+            s = reached
+            continue
+        if c <= 0.0 or (s < length and c < 0.5 * TUNING.shortest):
+            return False
+        if s >= length:
+            return True
+        reached = min(s + per * c, length)
+        s = min(s + TUNING.stride * per * c, length)
 
 
 class HullCollision(Collision):
@@ -135,50 +186,60 @@ class HullCollision(Collision):
     Positions (k, 2) alone are judged by the inscribed disc: free ones may still be free at no heading.
     """
 
+    def __init__(self, world: Workspace, footprint: Footprint) -> None:
+        super().__init__(world, footprint)
+        rounding, lower, upper = footprint.rounding, world.lower.astype(float), world.upper.astype(float)
+        self._numbers = HullNumbers(
+            self._solids, self._every, footprint.hull, footprint.height, footprint.reach - rounding, rounding,
+            footprint.radius, self._waivers, lower, upper,
+        )  # fmt: skip
+
     def clearance(self, points: Array) -> Array:
         """Return exact free distances at poses (k, 3), or those of the inscribed disc at places (k, 2), (k,) [m]."""
         if points.shape[1] == 2:
             return super().clearance(points)
-        body = self.footprint
-        away = np.empty(len(points))
-        poses = np.ascontiguousarray(points, dtype=float)
-        hull_distances(self._solids, self._every, body.hull, body.reach - body.rounding, poses, body.height, away)
-        places = points[:, :2]
-        eased = self._eased(away - body.rounding + body.radius, places) - body.radius
-        border = np.minimum(places - self.world.lower, self.world.upper - places).min(axis=-1)
-        return np.asarray(np.minimum(border, eased))
+        clear = np.empty(len(points))
+        hull_clearances(self._numbers, np.ascontiguousarray(points, dtype=float), clear)
+        return clear
 
     def free(self, points: Array) -> BoolArray:
         """Return whether the robot touches nothing at poses (k, 3), or its inscribed disc at places (k, 2), (k,)."""
         return super().free(points) if points.shape[1] == 2 else np.asarray(self.clearance(points) > 0.0)
 
-    def bisect_free(self, pose: Callable[[float], Array], length: float, curvature: float = 0.0) -> bool:
-        """Return whether an arc of a curvature [1/m] is free; `pose` takes an arc length [m] to x, y and heading."""
-        speed = 1.0 + self.footprint.reach * abs(curvature)
-        return self._free(pose, length, speed)
-
-    def _free(self, pose: Callable[[float], Array], length: float, speed: float) -> bool:
-        """Return whether a motion is free, on which no point moves faster than `speed` [m per unit of its length]."""
-
-        def clear(s: float) -> float:
-            return float(self.clearance(pose(s)[None, :3])[0])
-
-        return not touches(clear, lambda a, b: speed * (b - a), length, slack=TUNING.rounding)
+    def arc_free(self, start: tuple[float, float, float], curvature: float, length: float) -> bool:
+        """Return whether an arc from a pose, along its heading, of a curvature [1/m] and length [m] is free."""
+        return bool(hull_is_free(self._numbers, start, 1.0, curvature, length))
 
     def turn_free(self, pose: Array, turn: float) -> bool:
         """Return whether a turn [rad] on the spot from a pose (3,) is free, all headings between included."""
-        return self._free(lambda s: pose + np.array([0.0, 0.0, s * turn]), 1.0, self.footprint.reach * abs(turn))
+        x, y, heading = pose.tolist()
+        return bool(hull_is_free(self._numbers, (x, y, heading), 0.0, math.copysign(1.0, turn), abs(turn)))
 
     def segments_free(self, tails: Array, heads: Array, more: float = 0.0) -> BoolArray:
         """Return whether straight pieces from tails to heads, 2 x (k, 2) [m], are free, headed along them, (k,)."""
         free = super().segments_free(tails, heads, more)
         for k in np.flatnonzero(free):
             span = heads[k] - tails[k]
-            heading = math.atan2(span[1], span[0])
-            begun = np.append(tails[k], heading)
-            ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
-            free[k] = self.bisect_free(partial(_ahead, begun, ahead), float(np.hypot(*span)))
+            start = (float(tails[k, 0]), float(tails[k, 1]), math.atan2(span[1], span[0]))
+            free[k] = self._sweeps_free(np.array(start), span) or (
+                len(self._waivers) > 0 and self.arc_free(start, 0.0, float(np.hypot(*span)))
+            )
         return free
+
+    def _sweeps_free(self, start: Array, span: Array) -> bool:
+        """Return whether the hull that a move from a pose by span (2,) [m] sweeps is free, with all of the margin."""
+        middle = start[:2] + 0.5 * span
+        ends = placed(self.footprint.hull, start) - middle
+        aside = ends @ np.array([-span[1], span[0]])
+        right = int(np.argmin(aside))
+        around = np.roll(np.arange(len(ends)), -right)  # from there over the front
+        left = int(np.argmax(aside[around]))
+        swept = np.vstack((ends[around[: left + 1]] + span, ends[around[left:]], ends[right]))
+        farthest = float(np.hypot(*swept.T).max())
+        clear = np.empty(1)
+        numbers = self._numbers._replace(hull=swept, farthest=farthest, waivers=np.empty((0, 4)))
+        hull_clearances(numbers, np.append(middle, 0.0)[None], clear)
+        return bool(clear[0] > 0.0)
 
     def fitted(self, scene: Scene) -> Scene:
         """Return the scene with less safety margin around a start at whose pose there is no room for all of it.
@@ -197,7 +258,3 @@ class HullCollision(Collision):
             )
         disc = TUNING.turning_reach * scene.footprint.reach
         return replace(scene, waivers=(*scene.waivers, Waiver(x, y, disc, scene.margin - 0.5 * body)))
-
-
-def _ahead(pose: Array, ahead: Array, s: float) -> Array:
-    return pose + s * ahead

@@ -18,12 +18,12 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.certify import certificates
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.disc import enter_goal, may_meet
+from pirrht.geometry.disc import enter_goal, first_met, may_meet
 from pirrht.geometry.disc import rim as planar_rim
 from pirrht.geometry.field import Field, border, closest, interpolate, with_slope
 from pirrht.geometry.footprint import Footprint, cover, depths
 from pirrht.geometry.scene import Workspace
-from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, LEAST_STEP, NEVER, UNSURE, SpaceKernels
+from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, NEVER, UNSURE, SpaceKernels
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import borrowing, inlined, kernel, load_float32, load_float64
 from pirrht.jit.records import Held
@@ -348,6 +348,12 @@ def walls(static, pose):  # type: ignore[no-untyped-def]
     return walls_within(static, pose, NOWHERE)
 
 
+@inlined
+def known_walls(static, pose, known):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls of a pose of which `distances` are known."""
+    return known[3]
+
+
 @borrowing
 def near(static, pose, within, out):  # type: ignore[no-untyped-def]
     """Write those of the two nearest walls that are nearer than `within` [m]; return how many."""
@@ -393,24 +399,6 @@ def certify_place(static, at):  # type: ignore[no-untyped-def]
         return FREE
     blocked = border(static.field, at[0], at[1]) <= 0.0 or _farthest(static, at[0], at[1]) < static.within
     return BLOCKED if blocked else UNSURE
-
-
-@kernel
-def certify_turn(static, pose, turn, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a turn [rad] on the spot from a pose, all headings between included."""
-    angle, verdict = 0.0, FREE
-    while True:
-        here = (pose[0], pose[1], pose[2] + math.copysign(angle, turn))
-        c = clearance(static, here)
-        if c < LEAST_STEP:
-            if refused(static, here) == BLOCKED:
-                return BLOCKED
-            if not patient:
-                return UNSURE
-            verdict, c = UNSURE, 0.5 * static.spacing
-        if angle >= abs(turn):
-            return verdict
-        angle = min(angle + c / static.reach, abs(turn))
 
 
 @inlined
@@ -500,17 +488,23 @@ def _march(world, pose, moved, whole, turn, clear, ahead):  # type: ignore[no-un
         until = min(entry / length, NEVER)
     stop = min(1.0, until)
     share = min(stop, clear / max(whole, 1e-300))
+    reached = share
     while True:
         aside = 0.5 * turn * share * (1.0 - share)
         here = (x + share * dx + aside * dy, y + share * dy - aside * dx, th + share * (moved[2] - th))
         c = clearance(world.static, here)
+        if share > reached and share - c / max(whole, 1e-300) > reached:  # not all between is clear
+            share = reached
+            continue
         if c <= 0.0:
             return COLLISION, share, 0.0
         if share >= stop:
             break
         if ahead > 0.0 and (1.0 - share) * whole < c + ahead:
             return INSIDE, 1.0, ahead
-        share = min(stop, share + max(c, 0.5 * world.static.excess) / max(whole, 1e-300))
+        least = 0.5 * world.static.excess
+        reached = min(stop, share + max(c, least) / max(whole, 1e-300))
+        share = min(stop, share + max(TUNING.stride * c, least) / max(whole, 1e-300))
     return (GOAL, until, 0.0) if until < NEVER else (INSIDE, 1.0, c)
 
 
@@ -570,11 +564,7 @@ def bridge(world, pose, moved, before, after, cov, weighed, state, line=False): 
     if may_meet(g0, g1, FAR * (cov[0] + cov[3])):
         step = (pose[0], pose[1], moved[0], moved[1])
         state, goal_time = enter_goal(world, step, g0, g1, planar, line, state)
-    if goal_time == NEVER and wall_time == NEVER:
-        return state, INSIDE, 1.0, lasting
-    if goal_time <= wall_time:
-        return state, GOAL, goal_time, goal_time * lasting
-    return state, COLLISION, wall_time, 0.0
+    return first_met(state, wall_time, goal_time, lasting)
 
 
 @inlined
@@ -583,10 +573,11 @@ def rim(world, pose, cov):  # type: ignore[no-untyped-def]
     return planar_rim(world, (pose[0], pose[1]), (cov[0], cov[1], cov[3]))
 
 
-certify, certify_piece, certify_curve = certificates(clearance, refused, True)
+certify, certify_piece, certify_curve, certify_turn = certificates(clearance, refused, True)
 
 POLYGON = SpaceKernels(
-    position=2, turns=True, isotropic=False, near_most=2, clearance=clearance, place=place, walls=walls, near=near,
+    position=2, turns=True, isotropic=False, near_most=2, clearance=clearance, place=place, walls=walls,
+    known_walls=known_walls, near=near,
     distances=distances, facing=facing, spread=spread, extent=extent, sweep=sweep, bridge=bridge, end=end, exit=None,
     rim=rim, certify=certify, certify_place=certify_place, certify_piece=certify_piece, certify_curve=certify_curve,
     certify_turn=certify_turn,

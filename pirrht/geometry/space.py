@@ -48,6 +48,7 @@ class SpaceKernels(NamedTuple):
     place: Any  # (static, place): clearance at a position, whatever the heading
     # (static, pose): the two nearest walls as clearance, direction away, clearance, direction away; in single precision
     walls: Any
+    known_walls: Any  # (static, pose, known): `walls` where `distances` are known
     # (static, pose, within, out (near_most, 1 + k or more)): write the walls nearer than `within` [m], clearance and
     # direction away; return how many.
     near: Any

@@ -59,8 +59,9 @@ class GeometryTuning(NamedTuple):
     cover_candidates: int = 80  # discs tried along each half of an edge
     cells_per_disc: float = 3.0  # spacings of their field in the radius of the least disc at least: else it is no bound
     grain: float = 0.6  # spacing at most, as a share of the excess: half of it is lost between two walls
+    stride: float = 1.6  # in clearances, of a march that tries poses ahead: with more it steps back more often
     exact_reach: float = 0.5  # clearances are those of all discs up to so many times the footprint's reach
-    edge_halvings: int = 46  # of an edge, in which the place nearest to a solid lies: to rounding
+    edge_halvings: int = 30  # of an edge, in which the place nearest to a solid lies: to a nanometre
     # Start and goal
     turning_reach: float = 4.0  # added to a waiver's radius, for robots that cannot turn on the spot [body radii]
     exit_share: float = 0.75  # of a waiver's radius, within which a path must have left the margin

@@ -195,8 +195,9 @@ class DDPGuidance:
             yield from ((start, t.perturbed) for start in self.starts.perturbed(course.control, length, query.times))
 
     def _begun(self, query: Query, trajectory: Trajectory) -> tuple[Course, int]:
-        """Start from x (n,) along a reference, or by tracking one of positions alone."""
-        begun = self.starts.along if trajectory.slack is None else self.starts.tracked
+        """Start from x (n,) by the controls of a reference, or by tracking its positions if these are unknown."""
+        known = trajectory.slack is None or trajectory.controls.any()
+        begun = self.starts.along if known else self.starts.tracked
         return begun(query.x, trajectory, query.times)
 
     def query(self, x: Array, times: Array, key: int, time: float = 0.0) -> Query:

@@ -284,7 +284,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             drift(scratch.x, setup.parameters, scratch.f)
         dt, close = length_of(setup, tables, scratch, rates, before, left, now)
         if noisy_position and tables.wall_offset > 0.0:
-            walls = push_of(tables, scratch, setup.world, scaled(rates, dt), close)
+            walls = push_of(tables, scratch, setup.world, before, scaled(rates, dt), close)
         return rates, dt, walls, close
 
     @part

@@ -280,13 +280,13 @@ def pose_noise(kind: KernelSpec) -> PoseNoise:
 def walls_for(kind: KernelSpec) -> Any:
     """Build the kernel that writes the drift of the two nearest walls, B' grad log psi there, and returns those."""
     moving = kind.moving is not None
-    two_walls, spread = kind.space.walls, kind.space.spread
+    two_walls, spread = kind.space.known_walls, kind.space.spread
     pose, slope, with_walls = pose_at(kind.reads), slope_for(len(kind.reads)), merging(len(kind.reads))
     along_noise = pose_noise(kind).along
 
     @part
-    def push_of(tables, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
-        c, n, d, m = two_walls(arena.static, pose(scratch.x))
+    def push_of(tables, scratch, arena, before, cov, close):  # type: ignore[no-untyped-def]
+        c, n, d, m = two_walls(arena.static, pose(scratch.x), before)
         widest = np.float32(0.5 * math.sqrt(spread(arena.static, cov, False)))
         shift = np.float32(tables.set_back)
         walls = (max(c + shift, widest), n, max(d + shift, widest), m)

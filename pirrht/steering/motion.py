@@ -248,7 +248,7 @@ def _free(curves: Curves, i: int, space: FreeSpace) -> bool:
         if kappa == 0:
             free = bool(collision.segments_free(np.array([pose[:2]]), np.array([end[:2]]))[0])
         else:
-            free = collision.bisect_free(lambda s, at=(*pose, kappa): np.array(along(*at, s)), total, kappa)  # type: ignore[misc]
+            free = collision.arc_free(pose, kappa, total)
         if not free:
             return False
         pose = end

@@ -30,7 +30,7 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
+def connect_lines(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair by one straight piece; the number is the cost per meter."""
     k = tails.shape[0]
     found = Curves(np.empty((k, 3)), np.zeros((k, 1)), np.empty((k, 1)), np.empty(k), tails, heads)
@@ -50,7 +50,7 @@ class Lines(CompiledSteering):
     n = 2
     symmetric = True
     cost = _cost
-    optimum = _connect
+    optimum = connect_lines
     pace: float  # the speed [m/s]
     cost_per_meter: float  # [cost/m]
 

@@ -8,7 +8,7 @@ over all headings in between: what drives the reference later may turn on an arc
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -21,8 +21,8 @@ from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
-from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Surroundings
-from pirrht.steering.straight_line import Tracked, velocity_at
+from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Surroundings, Trajectory
+from pirrht.steering.straight_line import Tracked, connect_lines, velocity_at
 from pirrht.steering.tuning import TUNING
 
 
@@ -77,29 +77,18 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair; the numbers are the costs per meter and radian, and 1 for a robot that reverses, else 0."""
-    k = tails.shape[0]
-
-    start = np.empty((k, 3))
-    curvature = np.zeros((k, 1))
-    length = np.empty((k, 1))
-    cost = np.empty(k)
-    price = np.empty((k, 2))
-
-    for i in range(k):
-        dx = heads[i, 0] - tails[i, 0]
-        dy = heads[i, 1] - tails[i, 1]
-        length[i, 0] = math.sqrt(dx * dx + dy * dy)
-        way = math.atan2(dy, dx) if length[i, 0] > 0.0 else tails[i, 2]
-
-        start[i, 0] = tails[i, 0]
-        start[i, 1] = tails[i, 1]
-        start[i, 2] = way
+    lines = connect_lines(tails, heads, numbers)
+    price = np.empty((len(tails), 2))
+    for i in range(len(tails)):
+        if lines.length[i, 0] == 0.0:
+            lines.start[i, 2] = tails[i, 2]
+        way = lines.start[i, 2]
         price[i, 0] = numbers[0]
         price[i, 1] = numbers[1]
 
         heading = way + math.pi if backwards(way, tails[i, 2], heads[i, 2], numbers[2] > 0.0) else way
-        cost[i] = length[i, 0] * numbers[0] + numbers[1] * turns_of(heading, tails[i, 2], heads[i, 2])
-    return Turned(start, curvature, length, cost, tails, heads.copy(), price)
+        lines.cost[i] += numbers[1] * turns_of(heading, tails[i, 2], heads[i, 2])
+    return Turned(lines.start, lines.curvature, lines.length, lines.cost, tails, heads.copy(), price)
 
 
 @cache
@@ -213,6 +202,11 @@ class TurnAndGo(Tracked):
     cost_per_radian: float  # [cost/rad]
     reverses: bool  # whether the system can drive backwards
     read: tuple[int, ...]  # indices of its states that are the position and the heading
+    # Controls (m,) that drive forwards at the pace, and that turn on the spot at `turn_rate`; none if a state is more
+    # than a pose, or the robot cannot turn on the spot: then guides find out how lines are driven.
+    ahead: tuple[float, ...] = ()
+    turning: tuple[float, ...] = ()
+    turn_rate: float = 1.0  # at which control costs what time does [rad/s]
 
     n = 3
     heading = 2
@@ -227,13 +221,29 @@ class TurnAndGo(Tracked):
         kept = {field.name: getattr(lines, field.name) for field in fields(Tracked)}
         return cls(
             **kept, cost_per_radian=lines.cost_per_meter * problem.scene.footprint.reach,
-            reverses=velocity_at(problem, -1.0) < 0.0, read=(*d.position, d.angles[0]),
+            reverses=velocity_at(problem, -1.0) < 0.0, read=(*d.position, d.angles[0]), **_driving(problem, lines.pace),
         )  # fmt: skip
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """Return the costs per meter and radian, and 1 if it reverses."""
         return self.cost_per_meter, self.cost_per_radian, float(self.reverses)
+
+    def trajectory(self, path: Any) -> Trajectory:
+        """Return controls that turn and drive along a path in turn, if they are known, and their durations."""
+        found = super(TurnAndGo, self).trajectory(path)
+        if not self.ahead:
+            return found
+        heading = float(path.tails[0, 2])
+        pieces = list[tuple[Array, float]]()
+        for tail, head, way, length in zip(path.tails, path.heads, path.start[:, 2], path.length[:, 0], strict=True):
+            back = backwards(way, tail[2], head[2], self.reverses)
+            turn = wrapped(way + (math.pi if back else 0.0) - heading)
+            heading += turn
+            pieces.append((math.copysign(1.0, turn) * np.array(self.turning), abs(turn) / self.turn_rate))
+            pieces.append(((-1.0 if back else 1.0) * np.array(self.ahead), length / self.pace))
+        controls, durations = zip(*pieces, strict=True)
+        return replace(found, controls=np.array(controls), durations=np.array(durations))
 
     @property
     def motion(self) -> MotionKind:  # type: ignore[override]
@@ -273,6 +283,24 @@ class TurnAndGo(Tracked):
         whole = np.pi if self.reverses else TWO_PI
         headings = np.arange(TUNING.arrivals) * whole / TUNING.arrivals - 0.5 * whole
         return np.column_stack([np.broadcast_to(goal, (len(headings), 2)), headings])
+
+
+def _driving(problem: Problem, pace: float) -> dict[str, Any]:
+    """Find what drives a system whose state is a pose, in the frame of its heading; nothing if it moves otherwise."""
+    d = problem.dynamics
+    x = np.zeros(d.n)
+    if d.n != 3 or np.any(d.f(x)):
+        return {}
+    G = d.whole(d.G_c(x))
+    rates = np.zeros((3, 2))  # of the state: ahead, and turning
+    rates[d.position[0], 0] = pace
+    rates[d.angles[0], 1] = 1.0
+    controls = np.linalg.lstsq(G, rates, rcond=None)[0]
+    if not np.allclose(G @ controls, rates):
+        return {}
+    ahead, turning = controls.T
+    rate = math.sqrt(2.0 * problem.least_rate / float(turning @ problem.control_cost(x) @ turning))
+    return {"ahead": tuple(ahead.tolist()), "turning": tuple((rate * turning).tolist()), "turn_rate": rate}
 
 
 def wrapped_all(angles: Array) -> Array:

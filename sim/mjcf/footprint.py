@@ -14,9 +14,9 @@ from scipy.spatial import ConvexHull
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, PirrhtError, SceneError
+from pirrht.freespace import MEMBERS
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.footprint import Footprint
-from pirrht.geometry.hulls import HullCollision
 from pirrht.geometry.obstacle import Kind, Obstacle
 from pirrht.geometry.scene import Workspace
 from pirrht.plotting.strokes import outline
@@ -61,7 +61,7 @@ def rectangle_of(numbers: Sequence[float], label: str) -> Footprint:
 
 def collision_of(world: Workspace, footprint: Footprint) -> Collision:
     """Return exact clearances in a world: at places (k, 2) of a disc, at poses (k, 3) of a footprint with corners."""
-    return Collision(world, footprint) if footprint.is_disc else HullCollision(world, footprint)
+    return MEMBERS[footprint.kind].collision(world, footprint)
 
 
 def span_of(footprint: Footprint) -> Span:

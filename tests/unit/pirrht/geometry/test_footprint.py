@@ -181,6 +181,29 @@ def test_the_direction_of_a_wall_is_the_gradient_of_the_clearance():
     assert off <= 0.02 * checked
 
 
+@pytest.mark.parametrize("shape", [CART, WEDGE, CART.grown(0.05)], ids=repr)
+def test_a_straight_piece_is_free_by_the_hull_that_it_sweeps_where_a_march_along_it_is(shape: Footprint):
+    world, rng = clutter(9, boxes=8, poles=4), np.random.default_rng(6)
+    exact = HullCollision(world, shape)
+    tails = rng.uniform(0.5, SIDE - 0.5, (150, 2))
+    spans = rng.uniform(-1.0, 1.0, (150, 2))
+    heading = np.arctan2(*spans.T[::-1])
+    marched = [
+        exact.arc_free((*tail, th), 0.0, float(np.hypot(*span)))
+        for tail, th, span in zip(tails.tolist(), heading.tolist(), spans, strict=True)
+    ]
+    swept = exact.segments_free(tails, tails + spans)
+    between = tails[:, None] + np.linspace(0.0, 1.0, 60)[:, None] * spans[:, None]
+    sampled = [
+        exact.clearance(np.column_stack((places, np.full(60, th)))).min()
+        for places, th in zip(between, heading, strict=True)
+    ]
+    assert np.array_equal(swept, marched)
+    assert not np.any(swept & (np.array(sampled) <= 0.0))
+    assert swept.any()
+    assert not swept.all()
+
+
 @pytest.mark.parametrize("kind", ["arc", "turn", "sweep"])
 def test_motions_that_are_certified_free_are_and_blocked_ones_are_not(kind: str):
     world = clutter(9, boxes=8, poles=4)
