@@ -38,7 +38,13 @@ def test_a_cart_passes_lengthwise_and_turns_where_there_is_room_and_backs_out_of
 ):
     problem = task(boxes, start, goal)
     space = FreeSpace.of(problem.scene)
-    path = grown(space, TurnAndGo.of(problem), 450).references(space.scene.start)[0].path
+    reference = grown(space, TurnAndGo.of(problem), 450).references(space.scene.start)[0]
+    path = reference.path
+    driven = space.scene.start.copy()
+    for u, seconds in zip(reference.trajectory.controls, reference.trajectory.durations, strict=True):
+        driven += seconds * u @ [[math.cos(driven[2]), math.sin(driven[2]), 0.0], [0.0, 0.0, 1.0]]  # drives or turns
+    end = path.start[-1, :2] + path.length[-1, 0] * np.array([math.cos(path.start[-1, 2]), math.sin(path.start[-1, 2])])
+    np.testing.assert_allclose(driven[:2], end, atol=1e-9)
     heading = space.scene.start[2]
     for tail, way, length in zip(path.tails, path.start[:, 2], path.length[:, 0], strict=True):
         along = min((way, way + math.pi), key=lambda one: abs(wrapped(one - heading)))
