@@ -77,8 +77,7 @@ def test_a_mass_is_the_same_in_input_form_as_in_the_papers_partition():
         times = integral.steps(12.0)
         key = integral.space.homology.key((0,) * len(integral.space.obstacles))
         guide = best(integral.guidance, x, times, key, push)
-        leads = LinearFeedback(guide), Tape(times, push.tape(times))
-        rollouts = led(integral, x, times, *leads, count=100, seed=7)
+        rollouts = led(integral, x, times, *(LinearFeedback(guide), Tape(times, push.tape(times))), count=100, seed=7)
         found.append((guide, rollouts, integral.estimate(rollouts)))
     (one, first, told), (other, second, again) = found
     np.testing.assert_allclose(other.modes, one.modes, rtol=1e-6, atol=1e-6)

@@ -42,8 +42,7 @@ def test_the_exact_law_throws_no_farther_off_a_wall_either_and_turns_back_within
     optimal = scenario.optimal()
     for off in (1e-4, -0.004):
         optimal.begin(x := np.array([3.0, top - off]))
-        thrown = -STEP * optimal.plan(x).at(x, 0.0)[1]
-        assert 1.5 < thrown / (NOISE * np.sqrt(STEP)) <= THROW + 1e-9
+        assert 1.5 < (-STEP * optimal.plan(x).at(x, 0.0)[1]) / (NOISE * np.sqrt(STEP)) <= THROW + 1e-9
 
 
 def test_a_plan_that_noise_has_carried_into_the_margin_begins_where_that_ends(planned):

@@ -177,5 +177,4 @@ def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(weights):
     equal = psi([50, 50])
     for counts in ([85, 15], [15, 85]):
         other = psi(counts)
-        error = np.sqrt((equal.var(ddof=1) + other.var(ddof=1)) / 1000)
-        assert abs(other.mean() - equal.mean()) <= 3.0 * error, counts
+        assert abs(other.mean() - equal.mean()) <= 3.0 * np.sqrt((equal.var(ddof=1) + other.var(ddof=1)) / 1000), counts

@@ -76,5 +76,4 @@ def test_where_grid_points_touch_walls_the_value_is_that_of_finite_differences(w
     rim = np.hypot(*np.moveaxis(points - scene.goal.center, -1, 0)) - scene.goal.radius
     asked = np.argwhere(inside & (clear > h) & (rim > h) & (log_psi > -600.0))
     asked = asked[np.random.default_rng(0).permutation(len(asked))[:3000]]
-    expected = -2.0 * b**2 * log_psi[tuple(asked.T)]
-    assert grid.value(low + h * asked) == pytest.approx(expected, rel=0.005, abs=0.001)
+    assert grid.value(low + h * asked) == pytest.approx(-2.0 * b**2 * log_psi[tuple(asked.T)], rel=0.005, abs=0.001)

@@ -101,8 +101,7 @@ def test_samples_do_not_depend_on_their_neighbours():
 
 def test_the_sum_of_the_first_draws_of_all_samples_has_the_law_of_independent_ones():
     """Columns are draws, rows samples: the sums over 500 samples, 400 of them, have variance 500 (chi-squared)."""
-    sums = normals(19, 500, 400).sum(axis=0) / np.sqrt(500)
-    assert 1e-3 < chi2.cdf(np.sum(sums**2), df=400) < 1 - 1e-3
+    assert 1e-3 < chi2.cdf(np.sum((normals(19, 500, 400).sum(axis=0) / np.sqrt(500)) ** 2), df=400) < 1 - 1e-3
 
 
 def test_a_number_depends_on_seed_sample_and_draw_alone():

@@ -147,8 +147,9 @@ def test_controls_are_told_without_the_push_and_add_what_is_missing_along_each_w
 
 def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
     """3 mm beside a flat wall, where psi vanishes like the distance: the control is off by what is told."""
-    obstacle = block("wall", 2.5, 0.4, (2.0, 0.3))
-    scene = scene_of([obstacle], start=(0.6, 1.5), goal=(4.3, 1.6, 0.3), side=(5.0, 3.0), radius=0.2)
+    scene = scene_of(
+        [block("wall", 2.5, 0.4, (2.0, 0.3))], start=(0.6, 1.5), goal=(4.3, 1.6, 0.3), side=(5.0, 3.0), radius=0.2
+    )
     problem, space, x = problem_in(scene, 0.2), FreeSpace.of(scene), np.array([2.5, 0.903])
     integral = path_integral(problem, space, Sampling(threads=1, first=0.01))
     climb = integral.proposals.climbing(x, np.array([[4.3, 1.6]]))

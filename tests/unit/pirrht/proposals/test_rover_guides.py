@@ -98,8 +98,9 @@ def priced(x: np.ndarray, speed: float) -> tuple[int, float]:
     course.control[:, 0] = speed * asked(one)
     course.states[:] = tried.states[0] = x
     forward = forward_pass(kind_of(one.problem, DISC, integral.setup.world.moving.kernels)).forward
-    task = integral.guidance.tasks[1.0]
-    steps, cost, _ = forward(integral.setup, task, DT * np.arange(T + 1), course, T, 0.0, 4, tried)
+    steps, cost, _ = forward(
+        integral.setup, integral.guidance.tasks[1.0], DT * np.arange(T + 1), course, T, 0.0, 4, tried
+    )
     return steps, cost
 
 

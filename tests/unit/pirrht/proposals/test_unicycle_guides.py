@@ -162,8 +162,9 @@ def test_a_unicycle_turns_tighter_than_its_references_where_walls_leave_no_other
                              goal=(2.5, 0.0, 0.3))  # fmt: skip
     problem = Problem(scene=scene, dynamics=Unicycle(rho=0.5, b=0.4), R=np.eye(1))
     space = FreeSpace.of(scene)
-    tree = grown(space, Dubins.of(problem), 400)
-    controller = Controller(problem, space, tree, Sampling(samples=200), rng=np.random.default_rng(1))
+    controller = Controller(
+        problem, space, grown(space, Dubins.of(problem), 400), Sampling(samples=200), rng=np.random.default_rng(1)
+    )
     estimates = []
     for heading in (-2.2, -2.0, -1.8):
         controller.begin(np.array([0.55, 0.0, heading]))

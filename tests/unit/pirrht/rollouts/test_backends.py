@@ -151,12 +151,14 @@ def test_before_a_wall_at_constant_speed_psi_is_the_closed_form(plain):
     """psi = exp(-k z) at z before a wall on which it is 1; 8000 and 300 samples of seed 3, within 3 errors."""
     scene, rate_of = walled(0.4)
     problem = Problem(dynamics=SingleIntegrator(b=0.3), scene=scene, R=2.0 * np.eye(2), phi=0.0)
-    backend = Plain(problem) if plain else None
-    integral = path_integral(problem, FreeSpace.of(scene), Sampling(threads=1), backend=backend)
+    integral = path_integral(
+        problem, FreeSpace.of(scene), Sampling(threads=1), backend=Plain(problem) if plain else None
+    )
     times, z = integral.steps(1.5), 0.15
     tape = Tape(times, np.tile((-0.4, 0.1), (len(times) - 1, 1)))
-    count = 300 if plain else 8000
-    found = integral.estimate(led(integral, np.array([2.8 + z, 1.5]), times, tape, count=count, seed=3, time=0.4))
+    found = integral.estimate(
+        led(integral, np.array([2.8 + z, 1.5]), times, tape, count=300 if plain else 8000, seed=3, time=0.4)
+    )
     rate = rate_of(0.3, integral.temperature)
     assert 0.0 < found.value_error / integral.temperature < 0.1
     assert abs(-found.log_psi - rate * z) < 3.0 * found.value_error / integral.temperature + 0.005

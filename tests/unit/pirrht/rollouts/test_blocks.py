@@ -35,8 +35,9 @@ def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]):
     x = source.problem.scene.start[:2]
     trajectories = [r.trajectory for r in tree.references(x)]
     corners = [np.vstack([t.path.start[1:, :2], source.space.scene.goal.center]) for t in trajectories]
-    tapes = np.array([t.tape(TIMES) for t in trajectories])
-    return source.rollout(batch_of(source, x, TIMES, tapes, counts=counts, corners=corners), 1)
+    return source.rollout(
+        batch_of(source, x, TIMES, np.array([t.tape(TIMES) for t in trajectories]), counts=counts, corners=corners), 1
+    )
 
 
 def both(scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: str) -> tuple[Paths, Paths]:
@@ -44,8 +45,9 @@ def both(scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: s
     source = path_integral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
     kernels = source.homology.table.kernels
-    traits = Traits.of(problem)
-    kind = KernelSpec(problem.dynamics.drift, None, None, unit_rate, 2, 2, traits, DISC, (0, 1), classes=kernels)
+    kind = KernelSpec(
+        problem.dynamics.drift, None, None, unit_rate, 2, 2, Traits.of(problem), DISC, (0, 1), classes=kernels
+    )
     source.backend = Cpu(loops(*any_path(kind), 2), 1)
     return block, drawn(source, tree, counts).paths
 

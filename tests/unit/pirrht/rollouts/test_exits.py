@@ -38,8 +38,7 @@ def first_crossing_law(c0: float, c1: float, deviation: float):
         spread = deviation * np.sqrt(t * (1.0 - t))
         mean, mirrored = c0 + t * (c1 - c0), -c0 + t * (c1 + c0)
         # Below zero at t, or above zero after a crossing: a path from -c0, weighed by the ratio of end densities.
-        log_ratio = -2.0 * c0 * c1 / deviation**2
-        return norm.cdf(-mean / spread) + np.exp(log_ratio + norm.logsf(-mirrored / spread))
+        return norm.cdf(-mean / spread) + np.exp((-2.0 * c0 * c1 / deviation**2) + norm.logsf(-mirrored / spread))
 
     return law
 

@@ -76,8 +76,9 @@ def test_likelihood_ratios_average_to_one_in_whole_and_in_split_steps(name, plac
     assert np.abs(cut.share[:, 0, 1]).max() > 0.005  # its modes are correlated
     for source, target in (("passive", "cut"), ("cut", "shifted"), ("cut", "steeper"), ("steeper", "cut")):
         counts = [20000 * (one == source) for one in names]
-        tapes = np.zeros((len(names), 4, 2))
-        batch = batch_of(made.path_integral, x, cut.times, tapes, counts=counts, guides=list(laws.values()))
+        batch = batch_of(
+            made.path_integral, x, cut.times, np.zeros((len(names), 4, 2)), counts=counts, guides=list(laws.values())
+        )
         ratio = made.path_integral.rollout(batch, 3).paths.log_ratio
         assert np.mean(ratio[:, names.index("cut")] != ratio[:, names.index("unshaped")]) > 0.1  # steps are shaped
         weight = np.exp(ratio[:, names.index(target)] - ratio[:, names.index(source)])

@@ -57,8 +57,7 @@ def test_a_body_may_leave_the_workspace_and_a_scene_without_motions_has_no_mover
 
 
 def test_the_example_of_the_documentation_moves(tmp_path):
-    page = (ROOT / "docs" / "moving.md").read_text()
-    (tmp_path / "walk.xml").write_text(page.split("```xml")[1].split("```")[0])
+    (tmp_path / "walk.xml").write_text((ROOT / "docs" / "moving.md").read_text().split("```xml")[1].split("```")[0])
     [walker] = load(tmp_path / "walk.xml").scene.movers
     np.testing.assert_array_equal(walker.motion.pose(4.5), [3.25, 3.79, 0])
 
