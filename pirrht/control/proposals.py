@@ -182,14 +182,13 @@ class ProposalBuilder:
         return batch, estimate, drawn
 
     def _effort(self, run: RunState, budget: TimeBudget) -> Effort:
-        """Return what a plan draws; later plans that follow guides save for weak ones."""
+        """Return what a plan draws; later plans save for weak ones."""
         integral, tuning = self.integral, self.integral.tuning
         least = integral.sampling.least if budget.left is None else 0.0
         if run.clock.first:
             return Effort(least, tuning.first_plan)
         saved = run.effort.save(tuning.saved, tuning.later_plan - 1.0)
-        follows = integral.guidance is not None and not integral.proposals.pointlike
-        return Effort(min(least, tuning.few) if follows else 0.0, 1.0 + saved)
+        return Effort(min(least, tuning.few), 1.0 + saved)
 
     def _round(self, batch: Batch, seed: int, run: RunState, budget: TimeBudget, effort: Effort) -> Estimate | None:
         """Sample and weigh a batch, and learn from it; None if no sample has any weight."""

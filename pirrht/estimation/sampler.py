@@ -232,22 +232,26 @@ class PathIntegral:
                 begun = now
                 now = left()
         drawn, limit = 1.0, 16.0 if settings.budget is None else settings.budget / settings.samples
-        while settings.target is not None and drawn < limit and not self._so_far(parts)[0] <= settings.target:
+        while settings.target is not None and drawn < limit:
+            found = self._so_far(parts, batch.named)
+            if found is not None and found.control_error.max() <= settings.target:
+                break
             more = min(drawn, limit - drawn)
             draw(more, fewest=1)
             drawn += more
         most = min(effort.multiple, most)
-        enough = 2 if effort.least <= 0.0 or self._so_far(parts)[1] >= effort.least else 0
+        found = self._so_far(parts, batch.named)
+        enough = 2 if effort.least <= 0.0 or (found is not None and found.ess >= effort.least) else 0
         while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
             draw(drawn)
             drawn *= 2.0
-            enough = enough + 1 if self._so_far(parts)[1] >= effort.least else 0
-        return self.estimate(*parts, classes=batch.named)
+            found = self._so_far(parts, batch.named)
+            enough = enough + 1 if found is not None and found.ess >= effort.least else 0
+        return self.estimate(*parts, classes=batch.named) if found is None else found
 
-    def _so_far(self, parts: Sequence[Rollouts]) -> tuple[float, float]:
-        """Return the control's largest standard error [control] and effective samples; inf and 0 without survivors."""
+    def _so_far(self, parts: Sequence[Rollouts], classes: Mapping[int, str] | None) -> Estimate | None:
+        """Weigh what has been drawn; None if no sample survives."""
         try:
-            estimate = self.estimate(*parts)
+            return self.estimate(*parts, classes=classes)
         except NoSurvivingSample:
-            return np.inf, 0.0
-        return float(estimate.control_error.max()), estimate.ess
+            return None
