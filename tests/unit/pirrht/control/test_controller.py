@@ -17,7 +17,6 @@ from pirrht import (
     SingleIntegrator,
 )
 from pirrht.control.settings import TUNING, TimeBudget
-from pirrht.estimation.sampling import TUNING
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
 DT = 0.05
@@ -113,7 +112,7 @@ def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit
     np.testing.assert_array_equal(more.parts[0].log_weight, first.parts[0].log_weight)  # the first round is the same
     until.observe(slit.start[None], DT)
     later = until.plan(slit.start).estimate
-    assert TUNING.few <= later.ess
+    assert later.ess >= 10.0
     assert len(later.parts) < len(more.parts)
 
 
