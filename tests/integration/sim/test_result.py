@@ -9,8 +9,9 @@ import pytest
 from doors import door
 from numba.core import event
 
-from pirrht import Outcome, Plan
+from pirrht import Outcome, PathIntegral, Plan
 from pirrht.estimation.factory import ProposalFactory
+from pirrht.estimation.sampling import TUNING
 from sim import rehearsal, tree_file
 from sim.cli import main, plan_command
 from sim.cli.parser import parser
@@ -83,7 +84,9 @@ def test_weak_plans_are_counted_and_reported_once_per_stretch(metrics: EpisodeMe
     assert (metrics.doubtful_plans, metrics.least_ess, metrics.least_ess_time) == (5, 1.2, pytest.approx(4.0))
 
 
-def test_a_run_reports_how_many_of_its_plans_are_guesses(tmp_path, capsys):
+def test_a_run_reports_how_many_of_its_plans_are_guesses(tmp_path, capsys, monkeypatch):
+    """Plans draw no more than they are told, however weak they are."""
+    monkeypatch.setitem(PathIntegral.__init__.__kwdefaults__, "tuning", TUNING._replace(first_plan=1, later_plan=1))
     file = tmp_path / "run.json"
     words = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--max-time", "0.1", "--json", str(file)]
     assert main([*words, "--samples", "2"]) == 1

@@ -51,7 +51,10 @@ CASES = {
     "point among moving": (SCENES["crossing"](), POINT, InTime.of),
     "rover among moving": (SCENES["crossing"](), ROVER, InTime.of),
 }  # fmt: skip
-EVERY = pytest.mark.parametrize("name", CASES)
+RARE = ("rectangle of a car", "rover among moving")  # whose kernels take long to compile
+EVERY = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in RARE else []) for name in CASES]
+)
 BOTH = pytest.mark.parametrize("plain", [False, True], ids=["compiled", "plain"])
 
 
