@@ -98,9 +98,8 @@ class Brake:
         places = d.place(path)
         static = clearance = space.collision.clearance(path[:, d.reads(space.static.kernels.turns)])
         if space.scene.movers:
-            clearance = np.minimum(
-                clearance, [space.moving.distance(place, time) for place, time in zip(places, now + times, strict=True)]
-            )
+            pairs = zip(places, now + times, strict=True)
+            clearance = np.minimum(clearance, [space.moving.distance(place, time) for place, time in pairs])
         met = np.flatnonzero(clearance <= 0.0 if clearance[0] > 0.0 else clearance < clearance[0])  # out of a margin
         settled = times >= 2.0 * s.within
         return Halt(

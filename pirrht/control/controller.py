@@ -115,9 +115,8 @@ class Controller(Policy):
             run.query(None)
             raise
         # line 4: u <- PathIntegral(x_cur, U_in)
-        batch, estimate = self.proposals.estimate(
-            self.proposals.draft(x, references, run, budget), int(self.rng.integers(2**63)), run, budget
-        )
+        draft = self.proposals.draft(x, references, run, budget)
+        batch, estimate = self.proposals.estimate(draft, int(self.rng.integers(2**63)), run, budget)
         if estimate is None:
             return blocked_plan(self.brake, x, run, self.space, "no survivor", batch, references)
         return plan_of(self.path_integral, batch, references, estimate, run, settings)
@@ -143,9 +142,8 @@ class Controller(Policy):
         """
         new = map_update.renewed(self.problem, self.space, self.tree, scene, vertices)
         if new is not None:
-            self._enter(
-                *new, self.path_integral.sampling, propose=self.proposals.propose, backend=self.path_integral.backend
-            )
+            backend = self.path_integral.backend
+            self._enter(*new, self.path_integral.sampling, propose=self.proposals.propose, backend=backend)
             map_update.continue_among(self.space, self.run)
 
     def __repr__(self) -> str:

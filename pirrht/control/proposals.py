@@ -67,11 +67,10 @@ class ProposalBuilder:
             still = Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m)))
             passive = Proposal(lead=still, count=integral.sampling.samples)
             return Draft(batch=Batch(state=x, times=times, proposals=(passive,), time=run.now, others=others))
+        leads = self._leads(x, times, references, run, budget)
         proposals = tuple(
             Proposal(lead=lead, count=count, name=homology.name(one), key=homology.key(reference.winding))
-            for (lead, count), one, reference in zip(
-                self._leads(x, times, references, run, budget), classes, references, strict=True
-            )
+            for (lead, count), one, reference in zip(leads, classes, references, strict=True)
         )
 
         @cache
@@ -81,9 +80,8 @@ class ProposalBuilder:
                 second: ProposalControl | None = self._followed(optima[0], times)
             else:
                 second = integral.proposals.defensive(x, references[k].trajectory, run.now)
-            return [
-                one for one in [second, *(propose(x, proposals[k].lead) for propose in self.propose)] if one is not None
-            ]
+            found = [second, *(propose(x, proposals[k].lead) for propose in self.propose)]
+            return [one for one in found if one is not None]
 
         batch = Batch(state=x, times=times, proposals=proposals, time=run.now, others=others)
         return Draft(batch=batch, classes=classes, others=others_of if self.settings.use.mixes else None)
@@ -236,9 +234,8 @@ class ProposalBuilder:
             fit.fade()
             found, counts = chosen(log_weight[own] - log_share, log_share, math.ceil(weight * most))
             for part, number, worth in estimate.split(own[found], counts):
-                fit.learn(
-                    integral.replay.applied(part, number), worth, batch.proposals[h].lead.guide, timed=integral.moving
-                )
+                applied = integral.replay.applied(part, number)
+                fit.learn(applied, worth, batch.proposals[h].lead.guide, timed=integral.moving)
         starts.keep_fits(fits)
 
     def _guides(

@@ -137,9 +137,8 @@ class PathIntegral:
         d = self.problem.dynamics
         x = d.state_of(self.problem.scene.start)
         times = np.arange(3.0)
-        rollouts = self.rollout(
-            Batch(state=x, times=times, proposals=(Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1),)), 0
-        )
+        proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
+        rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
         self.estimate(replace(rollouts, log_weight=np.zeros(1)))  # whatever the outcome of the sample
         self.replay.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
@@ -232,15 +231,15 @@ class PathIntegral:
                 begun = now
                 now = left()
         drawn, limit = 1.0, 16.0 if settings.budget is None else settings.budget / settings.samples
+        found = self._so_far(parts, batch.named)
         while settings.target is not None and drawn < limit:
-            found = self._so_far(parts, batch.named)
             if found is not None and found.control_error.max() <= settings.target:
                 break
             more = min(drawn, limit - drawn)
             draw(more, fewest=1)
             drawn += more
+            found = self._so_far(parts, batch.named)
         most = min(effort.multiple, most)
-        found = self._so_far(parts, batch.named)
         enough = 2 if effort.least <= 0.0 or (found is not None and found.ess >= effort.least) else 0
         while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
             draw(drawn)

@@ -65,9 +65,9 @@ def grown_tree(
         short = sorted((one for one in found if one.length <= longest), key=lambda one: one.length)
     needed = [space.homology.most_turned(one.trajectory.points) for one in short]
     if needed and needed[0] <= limit < max(needed):
-        needed = needed[:1] if sum(one.length <= longest for one in references(first)) == classes else needed
+        held = sum(one.length <= longest for one in references(first))
+        needed = needed[:1] if held == classes else needed
     least = min(max(needed, default=0.0), LIMITS.wider[-1])
-    trees = itertools.chain(
-        [first] if least <= limit else [], (grown(wide) for wide in LIMITS.wider if wide > limit and wide >= least)
-    )
+    wider = (grown(wide) for wide in LIMITS.wider if wide > limit and wide >= least)
+    trees = itertools.chain([first] if least <= limit else [], wider)
     return next((tree for tree in trees if tree.lengths(tree.at(x, 0.0))), first)

@@ -229,12 +229,13 @@ class HomologyTree:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        return references.ReferenceQuery(
-            self, self.steering, shortened, before or {}, over_budget, threads, most
-        ).extract(x)
+        query = references.ReferenceQuery(self, self.steering, shortened, before or {}, over_budget, threads, most)
+        return query.extract(x)
 
     def with_alternatives(self, x: Array, found: Sequence[Reference], threads: int = 1) -> list[Reference]:
         """Return references from x (n,) with paths of their classes by `Steering.alternatives` of the tree's."""
+        if not self.steering.alternatives:
+            return [*found]
         x = self.steering.vertex_of(x)
         others = list[Reference]()
         for steering in self.steering.alternatives:

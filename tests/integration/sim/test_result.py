@@ -85,7 +85,7 @@ def test_weak_plans_are_counted_and_reported_once_per_stretch(metrics: EpisodeMe
 
 
 def test_a_run_reports_how_many_of_its_plans_are_guesses(tmp_path, capsys, monkeypatch):
-    """Plans draw no more than they are told, however weak they are."""
+    """Plans draw their samples once, however weak they are."""
     monkeypatch.setitem(PathIntegral.__init__.__kwdefaults__, "tuning", TUNING._replace(first_plan=1, later_plan=1))
     file = tmp_path / "run.json"
     words = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--max-time", "0.1", "--json", str(file)]
