@@ -202,7 +202,10 @@ def growing(certify: Any) -> Any:
             if status == BLOCKED:
                 i += 1
                 continue
-            away = math.hypot(x[0] - around.goal_x, x[1] - around.goal_y) / around.goal_radius
+            away = 0.0
+            for k in range(len(around.goal)):
+                away = math.hypot(away, x[k] - around.goal[k])
+            away /= around.goal_radius
             if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
                 return i, STATUS.ask
             root = away < 1.0

@@ -110,7 +110,7 @@ def _entry(motions, i, around):  # type: ignore[no-untyped-def]
     most = _greatest_force(c, duration)
     while True:
         x, y = place(c, s)
-        gap = math.hypot(x - around.goal_x, y - around.goal_y) - around.goal_radius
+        gap = math.hypot(x - around.goal[0], y - around.goal[1]) - around.goal_radius
         if gap <= 1e-7:  # [m]: rounding of a march to the rim
             return s
         if s >= duration:

@@ -24,7 +24,7 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
         return np.inf
-    s = entry_of_piece(ax, ay, math.atan2(dy, dx), 0.0, length, around.goal_x, around.goal_y, around.goal_radius)
+    s = entry_of_piece(ax, ay, math.atan2(dy, dx), 0.0, length, *around.goal, around.goal_radius)
     return s / length if s < np.inf else np.inf
 
 

@@ -108,18 +108,17 @@ class Surroundings(NamedTuple):
     static: Space  # of the robot's footprint
     classes: Table  # of the signature
     weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker, moving ones last
-    goal_x: float  # goal point [m]
-    goal_y: float
-    goal_radius: float  # radius of the goal's disc [m]
+    goal: tuple[float, ...]  # goal point (d,) [m]
+    goal_radius: float  # radius of the goal's disc or ball [m]
     traffic: Moving  # J obstacles
 
     @classmethod
     def of(cls, space: FreeSpace, homology: Signature) -> "Surroundings":
         """Take an examined scene and the classes of paths in it."""
-        x, y = space.scene.goal.center.tolist()
+        goal = space.scene.goal
         return cls(
-            static=space.static, classes=homology.table, weights=homology.hash_weights, goal_x=x, goal_y=y,
-            goal_radius=float(space.scene.goal.radius), traffic=space.moving,
+            static=space.static, classes=homology.table, weights=homology.hash_weights,
+            goal=tuple(map(float, goal.center)), goal_radius=float(goal.radius), traffic=space.moving,
         )  # fmt: skip
 
 
@@ -185,11 +184,12 @@ def _length(curves, i):  # type: ignore[no-untyped-def]
 @part
 def _entry(curves, i, around):  # type: ignore[no-untyped-def]
     start = curves.start[i]
+    x, y = around.goal
     radius = around.goal_radius
 
-    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (radius + _length(curves, i)):
+    if math.hypot(start[0] - x, start[1] - y) > 1.001 * (radius + _length(curves, i)):
         return np.inf
-    return entry_of_curve(start, curves.curvature[i], curves.length[i], around.goal_x, around.goal_y, radius)
+    return entry_of_curve(start, curves.curvature[i], curves.length[i], x, y, radius)
 
 
 @part

@@ -152,7 +152,7 @@ def tautening(space: SpaceKernels, classes: SignatureKernels) -> Any:
         work = np.empty((out.shape[0], 2))
 
         copy_rows(points, out[: count - 1])
-        out[count - 1] = (around.goal_x, around.goal_y)
+        out[count - 1] = around.goal
         for k in range(TUNING.rounds):
             count = shortcut(around, 0, out[:count], count if k == 0 else TUNING.patience)
             length = _length(out, count)

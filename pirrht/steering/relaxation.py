@@ -246,8 +246,8 @@ def model(space: SpaceKernels, moving: MovingKernels | None) -> Any:
                         later = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
                         own = share - 1.0
                         _add(model, i, lacking, weight, own * nx, own * ny, -share * nx, -share * ny, later)
-        gx = knots[last, 0] - around.goal_x
-        gy = knots[last, 1] - around.goal_y
+        gx = knots[last, 0] - around.goal[0]
+        gy = knots[last, 1] - around.goal[1]
         away = math.sqrt(gx * gx + gy * gy)
         lacking = away - around.goal_radius * (1.0 - TUNING.inside)
         if lacking > 0.0:

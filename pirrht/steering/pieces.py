@@ -1,0 +1,212 @@
+"""Connect points in space by straight pieces: the optimum of a ball without inertia, and references of other systems.
+
+What `straight_line` does in the plane, with vertices of three numbers; a piece is known by its two ends.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.passages import Passages
+from pirrht.geometry.scene import Scene
+from pirrht.geometry.space import SpaceKernels
+from pirrht.jit.jit import inlined, kernel
+from pirrht.steering.motion import MotionKernels, MotionKind, Surroundings, Trajectory
+from pirrht.steering.straight_line import StraightLine, Tracked
+from pirrht.topology.signature import SignatureKernels
+
+D = 3  # numbers of a place
+
+
+class Pieces(NamedTuple):
+    """k straight motions in space at one speed, one row each."""
+
+    path: Array  # (k, 6) both ends [m]
+    cost: Array  # (k,) [cost]
+    tails: Array  # (k, 3) first places [m]
+    heads: Array  # (k, 3) last places [m]
+
+    @property
+    def knots(self) -> Array:
+        """Begins of consecutive pieces and the end of the last one, (k + 1, 3) [m]."""
+        return np.vstack([self.path[:, :D], self.path[-1:, D:]])
+
+    def points(self, spacing: float) -> list[Array]:
+        """Return both ends of each piece, (2, 3) [m], and no points in between, whatever the `spacing`."""
+        return list(self.path.reshape(-1, 2, D))
+
+
+@inlined
+def _apart(a, b):  # type: ignore[no-untyped-def]
+    return math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+
+
+@inlined
+def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
+    return _apart(tail, head) * numbers[0]
+
+
+@kernel
+def connect_pieces(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """Connect each pair by one straight piece; the number is the cost per meter."""
+    k = tails.shape[0]
+    found = Pieces(np.empty((k, 2 * D)), np.empty(k), tails, heads)
+    for i in range(k):
+        found.path[i, :D] = tails[i]
+        found.path[i, D:] = heads[i]
+        found.cost[i] = _apart(tails[i], heads[i]) * numbers[0]
+    return found
+
+
+@inlined
+def _ends(pieces, i):  # type: ignore[no-untyped-def]
+    p = pieces.path
+    return (p[i, 0], p[i, 1], p[i, 2]), (p[i, 3], p[i, 4], p[i, 5])
+
+
+@kernel
+def entry_of_ball(a, b, center, radius):  # type: ignore[no-untyped-def]
+    """Return the share of a line from a to b [m] after which it first enters a ball; infinity if it begins or ends
+    outside without meeting it, 0 if it begins inside."""
+    length = _apart(a, b)
+    along = 0.0
+    square = -radius * radius
+    for k in range(D):
+        to_center = center[k] - a[k]
+        along += to_center * (b[k] - a[k])
+        square += to_center * to_center
+    if square <= 0.0:
+        return 0.0
+    if length == 0.0:
+        return np.inf
+    along /= length
+    inside = along * along - square
+    share = (along - math.sqrt(inside)) / length if inside >= 0.0 and along > 0.0 else np.inf
+    return share if share <= 1.0 else np.inf
+
+
+@inlined
+def _entry(pieces, i, around):  # type: ignore[no-untyped-def]
+    a, b = _ends(pieces, i)
+    return entry_of_ball(a, b, around.goal, around.goal_radius)
+
+
+@inlined
+def _cut(pieces, i, share):  # type: ignore[no-untyped-def]
+    for k in range(D):
+        pieces.path[i, D + k] = pieces.path[i, k] + share * (pieces.path[i, D + k] - pieces.path[i, k])
+    pieces.cost[i] *= share
+
+
+@inlined
+def _between(pieces, i, share, out):  # type: ignore[no-untyped-def]
+    """Write a place on a piece, which is the whole state of a vertex."""
+    for k in range(D):
+        out[k] = pieces.path[i, k] + share * (pieces.path[i, D + k] - pieces.path[i, k])
+    return True
+
+
+@cache
+def _pairs_of(classes: SignatureKernels) -> Any:
+    """Build the kernel that counts the turns of pieces, by kernels of a signature."""
+    crossings = classes.crossings
+
+    @kernel
+    def pairs(pieces, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+        a, b = _ends(pieces, i)
+        return crossings(around.classes, (*a, 0.0), (*b, 0.0), to_goal, marker, turn, count)
+
+    return pairs
+
+
+@cache
+def _certify_for(space: SpaceKernels) -> Any:
+    """Build the kernel that certifies pieces, by kernels of a footprint."""
+    certify_piece = space.certify_piece
+
+    @kernel
+    def certify(pieces, i, around, patient):  # type: ignore[no-untyped-def]
+        a, b = _ends(pieces, i)
+        return certify_piece(around.static, a, b, patient)
+
+    return certify
+
+
+def _free(pieces: Pieces, i: int, space: FreeSpace) -> bool:
+    """Ask FCL for one swept sphere."""
+    a, b = pieces.path[i].reshape(2, 1, D)
+    return bool(space.collision.segments_free(a, b)[0])
+
+
+def _trajectory(steering: Any, path: Pieces) -> Trajectory:
+    """Make one control for each piece, the velocity along it."""
+    step = path.path[:, D:] - path.path[:, :D]
+    length = np.linalg.norm(step, axis=1)
+    moves = length > 0.0
+    return Trajectory(
+        controls=steering.pace * step[moves] / length[moves, None], durations=length[moves] / steering.pace, path=path,
+        cost=float(path.cost.sum()), length=float(length.sum()),
+    )  # fmt: skip
+
+
+_most = inlined(lambda pieces: 1)
+
+
+def _kernels(around: Surroundings) -> MotionKernels:
+    certify, pairs = _certify_for(around.static.kernels), _pairs_of(around.classes.kernels)
+    return MotionKernels(_entry, _cut, certify, pairs, _most, _between)
+
+
+PIECES = MotionKind(_kernels, _free, _trajectory)
+
+
+class InSpace:
+    """What lines in space do otherwise than those in the plane."""
+
+    n = D
+    motion = PIECES
+    cost = _cost
+    optimum = connect_pieces
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """Draw a place (3,) [m], uniform in the workspace."""
+        return np.asarray(rng.uniform(scene.lower, scene.upper))
+
+    def draws(
+        self, space: FreeSpace, rng: np.random.Generator, count: int, origin: Array | None = None,
+        goal_share: float = 0.0,
+    ) -> Array:  # fmt: skip
+        """Draw places (count, 3) [m] for a tree, uniform ones; a `goal_share` of them is moved into the goal's ball."""
+        scene, goal = space.scene, space.scene.goal
+        chances = rng.random((count, 2 * D + 1))  # a row for each: equal in parts and at once
+        drawn = scene.lower + (scene.upper - scene.lower) * chances[:, :D]
+        inside = chances[:, D] < goal_share
+
+        depth = goal.radius * chances[:, D + 1] ** (1.0 / D)
+        height = 2.0 * chances[:, D + 2] - 1.0
+        angle = 2.0 * np.pi * chances[:, D + 3]
+        level = np.sqrt(1.0 - height**2)
+        way = np.column_stack([level * np.cos(angle), level * np.sin(angle), height])
+        drawn[inside] = (goal.center + depth[:, None] * way)[inside]
+        return drawn
+
+    def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
+        """Return no places (0, 3) that a tree draws first."""
+        return np.empty((0, D))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpaceLine(InSpace, StraightLine):
+    """The optimum of a single integrator in space: a straight line at the speed that balances q against u'Ru/2."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackedInSpace(InSpace, Tracked):
+    """Straight lines at one pace between places in space, for systems that move otherwise."""
+
+    position: tuple[int, ...] = (0, 1, 2)
