@@ -27,6 +27,13 @@ class GridTuning(NamedTuple):
     point_radii: float = 0.2  # and at most this share of the robot's radius, so that gaps are resolved
     hug: float = 0.1  # points closer to a wall than this share of the spacing get arms from further off
     speaks: float = 2.5  # a place has the expansion of a free grid point at most so many cells away
+    # A point in space (`ball`)
+    ball_points: int = 5_000_000  # grid points in space: two minutes
+    ball_lengths: float = 0.5  # default spacing in decay lengths 1/k of psi
+    ball_arm: float = 1e-3  # share of the spacing below which an arm is as long as that
+    ball_halvings: int = 24  # of an arm, to find the wall that ends it
+    ball_settled: float = 1e-6  # change of log psi in a sweep at which iteration ends [nats]
+    ball_sweeps: int = 1000  # sweeps of the iteration at most
     # Gaussian steps (`boundaries`, `discrete_point`, `moving_point`)
     tile: int = 16  # points in a row that share one exponent, and along the side of a tile of boundaries: cache
     cutoff: float = 6.0  # a step ends so many deviations beyond the mean that the optimal law gives it
@@ -81,12 +88,12 @@ TUNING = GridTuning()
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Domain:
-    """The workspace, the disc on which psi is one, and the clearance from walls."""
+    """The workspace, the disc or ball on which psi is one, and the clearance from walls, in d dimensions."""
 
-    lower: Array  # (2,) corner of the workspace [m]
-    upper: Array  # (2,) the opposite one [m]
+    lower: Array  # (d,) corner of the workspace [m]
+    upper: Array  # (d,) the opposite one [m]
     goal: Goal
-    clearance: Callable[[Array], Array]  # of centres (k, 2), (k,) [m]; at most 0 where the robot may not be
+    clearance: Callable[[Array], Array]  # of centres (k, d), (k,) [m]; at most 0 where the robot may not be
 
     @classmethod
     def of(cls, space: FreeSpace) -> "Domain":
