@@ -167,17 +167,16 @@ def _faults(d: Dynamics) -> Iterator[str]:
     needed = ("n", "m", "parameters", "drift", *shapes)
     if missing := [what for what in needed if getattr(d, what, None) is None]:
         yield f"{' and '.join(missing)} missing; a Dynamics declares {', '.join(needed)}"
-    if "z" in d.states:
-        yield 'its state "z" is a third position, but scenes are planar; keep to "x" and "y"'
-    if n < 2:
-        yield f"n is {n}; a robot in the plane has at least the 2 states x and y"
-    if d.states[:2] != ("x", "y"):
-        yield f'its states are ({given}); the first two must be "x" and "y"'
+    axes = ("x", "y", "z")[: len(d.position)]
+    if "z" in d.states and len(axes) == 2:
+        yield 'its state "z" is a third position; declare position = (0, 1, 2), or keep to "x" and "y" in the plane'
+    if n < len(axes):
+        yield f"n is {n}; a robot has at least the {len(axes)} states {', '.join(axes)}"
+    if d.states[: len(axes)] != axes:
+        first = " and ".join(f'"{axis}"' for axis in axes)
+        yield f"its states are ({given}); the first {len(axes)} must be {first}"
     if not len(set(d.states)) == len(d.states) == n:
-        yield (
-            f"n is {n}, but its states are ({given}); name each once, "
-            'as in states = ("x", "y", "vx", "vy"); scenes are planar, so there is no third position'
-        )
+        yield (f'n is {n}, but its states are ({given}); name each once, as in states = ("x", "y", "vx", "vy")')
     if not 1 <= m <= n:
         yield f"m is {m}; of {n} states at least 1 and at most {n} are actuated"
     yield from _faults_of_form(d)

@@ -26,8 +26,8 @@ class Traits(NamedTuple):
         (False, False, False)
     """
 
-    point: bool  # its two states are the position, and both are actuated
-    isotropic_point: bool  # a point that does not drift, with equal noise in all directions
+    point: bool  # its states are the position, and all are actuated
+    isotropic_point: bool  # a point in the plane that does not drift, with equal noise in all directions
     noisy_position: bool  # noise acts on the position itself: exits need a Brownian bridge, else a sweep
     input_form: bool  # noise enters through its inputs (`Dynamics.input_matrix`)
     drifts: bool  # it declares a drift
@@ -43,7 +43,7 @@ class Traits(NamedTuple):
         x = d.state_of(problem.scene.start)
         drifts = d.drift is not no_drift
         return cls(
-            point=d.n == d.m == 2, isotropic_point=d.isotropic_point, noisy_position=d.noisy_position,
+            point=d.n == d.m == len(d.position), isotropic_point=d.isotropic_point, noisy_position=d.noisy_position,
             input_form=d.input_form, drifts=drifts, drifting_away=drifts if d.input_form else d.n > d.m,
             constant_blocks=d.constant, constant_rate=not callable(problem.q),
             can_brake=d.brake(x, d.place(x), 1.0) is not None,

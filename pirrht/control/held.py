@@ -70,8 +70,9 @@ class HeldLaw:
         off = steepest(away)
         along = self.step * (G @ u) - thrown * off
         change = (wanted - thrown) * off
-        swing = self.walls.problem.scene.footprint.reach * along[2:]  # of corners
-        far = math.hypot(*along[:2], *swing)
+        position = self.walls.static.kernels.position
+        swing = self.walls.problem.scene.footprint.reach * along[position:]  # of corners
+        far = math.hypot(*along[:position], *swing)
 
         if far > THROW * self.deviation:  # a law that is rough at walls
             change += (THROW * self.deviation / far - 1.0) * along

@@ -288,7 +288,7 @@ class ProposalBuilder:
 
 def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:
     """Return the least cost of references under q + u'Ru/2; without any, four times that of the straight line."""
-    straight = 4.0 * problem.least_rate * float(np.hypot(*(problem.dynamics.place(x) - problem.scene.goal.center)))
+    straight = 4.0 * problem.least_rate * float(np.hypot.reduce(problem.dynamics.place(x) - problem.scene.goal.center))
     return min((running_cost(problem, x, trajectory) for trajectory in trajectories), default=straight)
 
 

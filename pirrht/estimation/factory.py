@@ -145,9 +145,9 @@ class ProposalFactory:
         return tuple(x[list(self.problem.dynamics.reads(self.space.static.kernels.turns))].tolist())
 
     def _from_goal(self, places: Array) -> Array:
-        """Return the distances of places (..., 2) [m] from the goal's disc, (...) [m], negative inside."""
+        """Return the distances of places (..., d) [m] from the goal's disc or ball, (...) [m], negative inside."""
         away = places - np.array(self.world.setup.world.goal)
-        return np.asarray(np.hypot(away[..., 0], away[..., 1]) - self.world.setup.world.radius)
+        return np.asarray(np.hypot.reduce(away, axis=-1) - self.world.setup.world.radius)
 
     def _set_back(self, x: Array) -> tuple[float, World]:
         """Return how far behind walls psi vanishes where exits are judged at the ends of steps [m], and that arena.

@@ -21,7 +21,7 @@ from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import turn_of
-from pirrht.rollouts.step import KernelSpec
+from pirrht.rollouts.step import KernelSpec, algebra
 from pirrht.topology.signature import NO_CLASSES
 
 
@@ -36,7 +36,9 @@ def optimiser(kind: KernelSpec) -> Any:
     moving = kind.moving is not None
 
     watch, _, _, _, sweep_among, _, _ = kind.moving or NOTHING_MOVES
-    pose, sweep, (px, py) = pose_at(kind.reads), kind.space.sweep, kind.position
+    pose, sweep, place = pose_at(kind.reads), kind.space.sweep, pose_at(kind.position)
+    between, product = algebra(len(kind.position))
+    planar = len(kind.position) == 2
     *_, key_of_step, _, watch_class, begin_class, follow_class = kind.classes or NO_CLASSES
 
     @kernel
@@ -49,14 +51,18 @@ def optimiser(kind: KernelSpec) -> Any:
             here = pose(states[i])
             there = pose(states[i + 1])
             dt = times[i + 1] - times[i]
-            if bows:
+            if bows and planar:
                 velocity(setup, states[i], f[0])
                 velocity(setup, states[i + 1], f[1])
-                turn = turn_of(f[0, px], f[0, py], f[1, px], f[1, py], there[0] - here[0], there[1] - here[1], dt)
+                way = between(1.0, place(states[i + 1]), -1.0, place(states[i]))
+                turn = turn_of(place(f[0]), place(f[1]), way, dt)
             outcome, _, _ = sweep(setup.world, here, there, turn, 0.0)
-            way = (here[0], here[1], there[0], there[1], turn)
             if outcome == COLLISION or (
-                moving and sweep_among(setup.world.moving, notes, way, times[i], dt, 1.0) <= 1.0
+                moving
+                and sweep_among(
+                    setup.world.moving, notes, (here[0], here[1], there[0], there[1], turn), times[i], dt, 1.0
+                )
+                <= 1.0
             ):
                 return False
         return True
@@ -81,7 +87,8 @@ def optimiser(kind: KernelSpec) -> Any:
         """Return the number of points of every step at which clearance is priced, by the longest step."""
         longest = 0.0
         for i in range(length):
-            way = math.sqrt((states[i + 1, px] - states[i, px]) ** 2 + (states[i + 1, py] - states[i, py]) ** 2)
+            step = between(1.0, place(states[i + 1]), -1.0, place(states[i]))
+            way = math.sqrt(product(step, step))
             longest = max(longest, way + (setup.world.moving.speed * (times[i + 1] - times[i]) if moving else 0.0))
         return max(1, min(TUNING.points, math.ceil(TUNING.points_margin * longest / task.spacing)))
 

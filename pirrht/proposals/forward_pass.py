@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.pieces import entry_of_ball
 from pirrht.geometry.space import pose_at
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.tuning import TUNING
 from pirrht.proposals.walls import clearance_costs
-from pirrht.rollouts.step import SWAY, KernelSpec, diffusion_of
+from pirrht.rollouts.step import SWAY, KernelSpec, algebra, diffusion_of
 from pirrht.systems.dynamics import no_homing, wrapped
 
 
@@ -29,6 +30,26 @@ class ForwardPass(NamedTuple):
     expand: Any
     expand_end: Any
     forward: Any
+
+
+@cache
+def entering(d: int) -> Any:
+    """Build the kernel (setup, place, way) that tells whether a straight way from a place [m] enters the goal."""
+    between, _ = algebra(d)
+
+    @borrowing
+    def in_plane(setup, place, way):  # type: ignore[no-untyped-def]
+        (x, y), (dx, dy) = place, way
+        length, (gx, gy), radius = math.sqrt(dx * dx + dy * dy), setup.world.goal, setup.world.radius
+        near = math.sqrt((gx - x) ** 2 + (gy - y) ** 2) - radius < length
+        return near and entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
+
+    @borrowing
+    def in_space(setup, place, way):  # type: ignore[no-untyped-def]
+        end = between(1.0, place, 1.0, way)
+        return entry_of_ball(place, end, setup.world.goal, setup.world.radius) < np.inf
+
+    return in_plane if d == 2 else in_space
 
 
 @cache
@@ -53,7 +74,9 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
 
     scratch_walls, clearance_cost, _ = clearance_costs(kind.space, len(kind.reads), kind.moving)
     pose, combined = pose_at(kind.reads), vectors.combined(len(kind.reads))
-    px, py = kind.position
+    position, d = kind.position, len(kind.position)
+    place, (between, product) = pose_at(position), algebra(d)
+    enters = entering(d)
     stranded = noisy_position and homing_of is no_homing
     along_line = kind.along_line
 
@@ -105,20 +128,26 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
 
     @borrowing
-    def ahead_of(setup, x, f, gx, gy):  # type: ignore[no-untyped-def]
-        """Write the direction in which noise moves the position at x (n,), towards (gx, gy), to f (n,)."""
+    def ahead_of(setup, x, f, to_goal):  # type: ignore[no-untyped-def]
+        """Write the direction in which noise moves the position at x (n,), towards a place, to f (n,)."""
         both = np.zeros((2, rows, m))
         noise_input(setup, x, both)
         B = both[0]
-        f[px] = 0.0
-        f[py] = 0.0
+        size = 0.0
+        for i in position:
+            f[i] = 0.0
         for k in range(m):
-            sign = 1.0 if gx * B[px - fixed, k] + gy * B[py - fixed, k] >= 0.0 else -1.0
-            f[px] += sign * B[px - fixed, k]
-            f[py] += sign * B[py - fixed, k]
-        size = max(math.sqrt(f[px] * f[px] + f[py] * f[py]), 1e-12)
-        f[px] /= size
-        f[py] /= size
+            towards = 0.0
+            for j in range(d):
+                towards += to_goal[j] * B[position[j] - fixed, k]
+            sign = 1.0 if towards >= 0.0 else -1.0
+            for i in position:
+                f[i] += sign * B[i - fixed, k]
+        for i in position:
+            size += f[i] * f[i]
+        size = max(math.sqrt(size), 1e-12)
+        for i in position:
+            f[i] /= size
 
     @borrowing
     def arrival(setup, far, x, f):  # type: ignore[no-untyped-def]
@@ -126,20 +155,24 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
 
         It has no kink at the rim, which would be a wall to a guide whose last step ends on it.
         """
-        gx = setup.world.goal[0] - x[px]
-        gy = setup.world.goal[1] - x[py]
+        to_goal = between(1.0, setup.world.goal, -1.0, place(x))
 
         if noisy_position and not along_line:
-            return far * (math.sqrt(gx * gx + gy * gy) - setup.world.radius)
+            return far * (math.sqrt(product(to_goal, to_goal)) - setup.world.radius)
         if along_line:
             rate, speed = far, 1.0
-            ahead_of(setup, x, f, gx, gy)
+            ahead_of(setup, x, f, to_goal)
+            ahead = place(f)
         else:
             rate = velocity(setup, x, f)
-            speed = max(math.sqrt(f[px] * f[px] + f[py] * f[py]), 1e-3)
-        along = (gx * f[px] + gy * f[py]) / speed
+            ahead = place(f)
+            speed = max(math.sqrt(product(ahead, ahead)), 1e-3)
+        along = product(to_goal, ahead) / speed
         square = setup.world.radius**2
-        return rate * (along - math.sqrt(max(square - gx * gx - gy * gy + along * along, 1e-4 * square))) / speed
+        rest = square
+        for j in range(d):
+            rest -= to_goal[j] * to_goal[j]
+        return rate * (along - math.sqrt(max(rest + along * along, 1e-4 * square))) / speed
 
     @borrowing
     def probe(setup, at, i, shift, k, other, work, out):  # type: ignore[no-untyped-def]
@@ -264,13 +297,6 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         copy_row(J[n], v)
 
     @borrowing
-    def _enters(setup, x, y, dx, dy):  # type: ignore[no-untyped-def]
-        """Check whether a straight line of (dx, dy) [m] from (x, y) [m] enters the goal."""
-        length, (gx, gy), radius = math.sqrt(dx * dx + dy * dy), setup.world.goal, setup.world.radius
-        near = math.sqrt((gx - x) ** 2 + (gy - y) ** 2) - radius < length
-        return near and entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
-
-    @borrowing
     def _control(setup, task, law, i, x, B, u):  # type: ignore[no-untyped-def]
         """Write the modes of step i at x (n,) to u, by a law (course, length, step), or past its length by homing."""
         (course, length, step), modes = law, u.shape[0]
@@ -319,7 +345,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             copy_row(states[i], x)
             if not noisy_position:
                 velocity(setup, x, f)
-                ahead = not held and _enters(setup, x[px], x[py], f[px] * dt, f[py] * dt)
+                ahead = not held and enters(setup, place(x), between(dt, place(f), 0.0, place(f)))
             if not ahead:
                 _control(setup, task, (course, length, step), i, x, B, u)
                 begun = pose(f)
@@ -331,7 +357,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
 
                 if bends:
                     velocity(setup, states[i + 1], f)
-                ahead = not held and _enters(setup, here[0], here[1], change[0], change[1])
+                ahead = not held and enters(setup, place(x), between(1.0, place(states[i + 1]), -1.0, place(x)))
             if ahead:
                 rest = arrival(setup, task.far, x, f)
                 applied[i] = 0.0
@@ -343,9 +369,10 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             priced = priced + running
             priced += clearance_cost(setup, task, (here, change, loss, times[i], dt), points, walls)
             if held:
-                away_x = states[i + 1, px] - aims[i + 1, 0]
-                away_y = states[i + 1, py] - aims[i + 1, 1]
-                priced += task.hold * (away_x**2 + away_y**2) * dt
+                away = 0.0
+                for j in range(d):
+                    away += (states[i + 1, position[j]] - aims[i + 1, j]) ** 2
+                priced += task.hold * away * dt
             if not priced < 1e12:  # diverged
                 return -1, np.inf, np.inf
         return (length, cost, priced) if held else (-1, np.inf, np.inf)

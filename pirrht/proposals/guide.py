@@ -12,6 +12,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import Curves
+from pirrht.geometry.pieces import Pieces, setting_out
 from pirrht.proposals.proposal import ProposalControl
 from pirrht.proposals.tuning import ProposalTuning
 from pirrht.rollouts.tables import FINER, LawRows, ProposalTables, Setup
@@ -47,23 +48,25 @@ class Course(NamedTuple):
     inverse: Array  # (T, modes, modes) of L
     volume: Array  # (T,) log det L
     change: Array  # (T, modes) the best change of each control
-    aims: Array  # (T+1, 2) where to be at which time, if that is held to [m]
+    aims: Array  # (T+1, d) where to be at which time, if that is held to [m]
 
 
 COURSE: Any = Course
 
 
-def empty_course(T: int, n: int, modes: int) -> Course:
-    """Return a course of T steps from zeros, states (T+1, n); its noise is the passive one."""
+def empty_course(T: int, n: int, modes: int, d: int = 2) -> Course:
+    """Return a course of T steps from zeros, states (T+1, n), aims (T+1, d); its noise is the passive one."""
     unit = np.tile(np.eye(modes), (T, 1, 1))
     return Course(
         np.zeros((T + 1, n)), np.zeros((T, modes)), np.zeros((T, modes, n)), unit, unit.copy(), np.zeros(T),
-        np.zeros((T, modes)), np.zeros((T + 1, 2)),
+        np.zeros((T, modes)), np.zeros((T + 1, d)),
     )  # fmt: skip
 
 
-def straight(states: Array, places: Array, cost: Array) -> Curves:
-    """Return straight lines between states (k+1, n) at places (k+1, 2) of costs (k,)."""
+def straight(states: Array, places: Array, cost: Array) -> Curves | Pieces:
+    """Return straight lines between states (k+1, n) at places (k+1, d) of costs (k,)."""
+    if places.shape[1] == 3:
+        return Pieces(np.hstack([places[:-1], places[1:]]), cost, states[:-1], states[1:])
     dx, dy = np.diff(places, axis=0).T
     start = np.column_stack([places[:-1], np.arctan2(dy, dx)])
     return Curves(start, np.zeros((len(dx), 1)), np.hypot(dx, dy)[:, None], cost, states[:-1], states[1:])
@@ -109,14 +112,14 @@ class DDPGuide:
         return self.dynamics.inputs_of(self.states[:-1], self.modes[:, : self.dynamics.m])
 
     def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
-        """Return the trajectory left after some time [s], to the goal's centre (2,) [m]; None if nothing."""
+        """Return the trajectory left after some time [s], to the goal's centre (d,) [m]; None if nothing."""
         passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
         if passed >= self.length:
             return None
         states = self.states[[*range(passed, self.length + 1), self.length]]
         states[-1, list(self.dynamics.position)] = goal
         places = self.dynamics.place(states)
-        travel = np.hypot(*np.diff(places, axis=0).T)
+        travel = np.hypot.reduce(np.diff(places, axis=0), axis=1)
         steps = np.diff(self.times)[passed : self.length]
         durations = np.append(steps, travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9))
         return Trajectory(
@@ -220,20 +223,19 @@ class Initialisation:
 
     def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
         """Start gently by tracking places and times of a reference from x (n,), more and more of it from its start."""
-        start, seconds, ahead = trajectory.path.start, float(trajectory.durations.sum()), self.tuning.ahead
+        (places, ways), ahead = setting_out(trajectory.path), self.tuning.ahead
+        seconds = float(trajectory.durations.sum())
         pace = trajectory.length / seconds  # through the goal, no halt
         onward = trajectory.durations[-1] + times[-1]
-        end = start[-1, :2] + pace * onward * np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])
+        end = places[-1] + pace * onward * ways[-1]
         passed = np.cumsum([0.0, *trajectory.durations[:-1], onward])
         ramp, late, then = self.tuning.ramp * (trajectory.slack or 0.0), 0.0, times
         if ramp:
-            along = self.dynamics.place(self.dynamics.f(x)) @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
+            along = self.dynamics.place(self.dynamics.f(x)) @ ways[0]
             late = ramp * (1.0 - min(max(along / pace, 0.0), 1.0))  # by as much as it is slow at the start
             then = times + late * np.expm1(-times / ramp)
-        course, length = empty_course(len(times) - 1, self.dynamics.n, self.width), 0
-        course.aims[:] = np.column_stack(
-            [np.interp(then, passed, column) for column in np.vstack([start[:, :2], end]).T]
-        )
+        course, length = empty_course(len(times) - 1, self.dynamics.n, self.width, len(end)), 0
+        course.aims[:] = np.column_stack([np.interp(then, passed, column) for column in np.vstack([places, end]).T])
         course.states[0] = x
         whole = int(np.searchsorted(times, seconds + self.setup.world.radius / pace + late))
         whole = min(len(times) - 1, whole)

@@ -8,7 +8,7 @@ from pirrht.geometry.space import COLLISION, GOAL, INSIDE, pose_at
 from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import part
 from pirrht.jit.streams import FAR, normals
-from pirrht.rollouts.first_exit import at_crossing
+from pirrht.rollouts.first_exit import at_crossing, at_crossing_in_space
 from pirrht.rollouts.step import Clear, KernelSpec, in_plane, pose_noise
 
 
@@ -22,7 +22,8 @@ def ended_for(kind: KernelSpec) -> Any:
     isotropic = kind.traits.point  # the noise of a step is its displacement; then an exit cuts both alike
     pose, flat, noise = pose_at(kind.reads), in_plane(len(kind.reads)), pose_noise(kind)
     towards_exit, rim = kind.space.exit, kind.space.rim
-    px, py = kind.position
+    px, py = kind.position[:2]
+    in_space = len(kind.position) == 3
 
     @part
     def as_point(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
@@ -46,6 +47,23 @@ def ended_for(kind: KernelSpec) -> Any:
         scratch.moved[0] = x[0] + f[0] * dt * share + dx
         scratch.moved[1] = x[1] + f[1] * dt * share + dy
 
+        return state, dt * share
+
+    @part
+    def as_ball(scratch, arena, dt, exit, share, variance, state):  # type: ignore[no-untyped-def]
+        """End a step in space whose noise is its displacement."""
+        x, f, B = scratch.x, scratch.f, scratch.B
+        met = towards_exit(arena, pose(x), exit)
+        end = (
+            scratch.moved[0] - x[0] - f[0] * dt, scratch.moved[1] - x[1] - f[1] * dt,
+            scratch.moved[2] - x[2] - f[2] * dt,
+        )  # fmt: skip
+        state, end = at_crossing_in_space(
+            met, arena.radius if exit == GOAL else 0.0, end, share, math.sqrt(variance), state
+        )
+        for k in range(3):
+            scratch.moved[k] = x[k] + f[k] * dt * share + end[k]
+            scratch.y[k] = (B[0, k] * end[0] + B[1, k] * end[1] + B[2, k] * end[2]) * dt / variance
         return state, dt * share
 
     @part
@@ -76,6 +94,10 @@ def ended_for(kind: KernelSpec) -> Any:
 
     @part
     def ended(scratch, arena, dt, exit, share, rates, moving_wall, state):  # type: ignore[no-untyped-def]
+        if in_space:
+            xx, xy, xz, yy, yz, zz = rates
+            equal = isotropic and xy == 0.0 and xz == 0.0 and yz == 0.0 and xx == yy and yy == zz
+            return as_ball(scratch, arena, dt, exit, share, xx * dt, state) if equal else (state, dt)
         xx, xy, yy = flat(rates)
         if isotropic and xy * dt == 0.0 and xx * dt == yy * dt:
             return as_point(scratch, arena, dt, exit, share, xx * dt, moving_wall, state)

@@ -64,8 +64,33 @@ def at_crossing(exit, radius, end, share, deviation, state):  # type: ignore[no-
     return state, gap * nx - along * ny, gap * ny + along * nx
 
 
+@kernel
+def at_crossing_in_space(exit, radius, end, share, deviation, state):  # type: ignore[no-untyped-def]
+    """Displace an isotropic bridge in space to its first crossing, as `at_crossing` does in the plane.
+
+    Returns: next state of the sequence, displacement (x, y, z) [m].
+    """
+    gap, nx, ny, nz = exit
+    dx, dy, dz = end
+    state, x, y = normals(state)
+    state, z, _ = normals(state)
+    spread = deviation * math.sqrt(share * (1.0 - share))
+    x = share * dx + spread * x
+    y = share * dy + spread * y
+    z = share * dz + spread * z
+    through = x * nx + y * ny + z * nz
+    x -= through * nx
+    y -= through * ny
+    z -= through * nz
+    square = x * x + y * y + z * z
+    if square < radius * radius:  # the rim is round
+        gap += radius - math.sqrt(radius * radius - square)
+    return state, (x + gap * nx, y + gap * ny, z + gap * nz)
+
+
 @inlined
-def turn_of(vx, vy, wx, wy, dx, dy, dt):  # type: ignore[no-untyped-def]
-    """Angle [rad] by which a step of dt [s] turns that goes (dx, dy) [m] while its velocity v [m/s] becomes w."""
+def turn_of(v, w, way, dt):  # type: ignore[no-untyped-def]
+    """Angle [rad] by which a step of dt [s] turns that goes a way (x, y) [m] while its velocity v [m/s] becomes w."""
+    (vx, vy), (wx, wy), (dx, dy) = v, w, way
     square = dx * dx + dy * dy
     return 0.0 if square == 0.0 else max(-TUNING.arc, min(TUNING.arc, dt * ((wy - vy) * dx - (wx - vx) * dy) / square))

@@ -237,7 +237,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     moving, begin_watch = kind.moving is not None, (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance, scaled, _, _ = pose_noise(kind)
+    covariance, scaled, *_ = pose_noise(kind)
     pose, distances, no_walls = pose_at(kind.reads), kind.space.distances, NO_WALLS[len(kind.reads)]
     move = motion(kind)
 

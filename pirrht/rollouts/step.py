@@ -227,8 +227,15 @@ class PoseNoise(NamedTuple):
 
     covariance: Any  # (B): covariance of the pose per second, as `SpaceKernels` take it
     scaled: Any  # (rates, dt): that over a time
+    size: Any  # (rates): variance of the position per second, in all directions together [m^2/s]
     row: Any  # (B, j): column j of these rows
     along: Any  # (B, slope, out, g): write B' s of a slope, a direction, to row g of out (.., m or more)
+
+
+@cache
+def algebra(width: int) -> tuple[Any, Any]:
+    """Return the functions (s, a, t, b) and (a, b) that combine and multiply places of so many numbers."""
+    return vectors.combined(width), vectors.dot(width)
 
 
 @cache
@@ -271,9 +278,13 @@ def pose_noise(kind: KernelSpec) -> PoseNoise:
             out[g, c] = of_dot(row(B, c), slope)
 
     if len(kind.reads) == 2:
-        return PoseNoise(of_two, part(lambda rates, dt: (rates[0] * dt, rates[1] * dt, rates[2] * dt)), row, along)
+        scaled = part(lambda rates, dt: (rates[0] * dt, rates[1] * dt, rates[2] * dt))
+        return PoseNoise(of_two, scaled, part(lambda rates: rates[0] + rates[2]), row, along)
     scaled = part(lambda r, dt: (r[0] * dt, r[1] * dt, r[2] * dt, r[3] * dt, r[4] * dt, r[5] * dt))
-    return PoseNoise(of_three, scaled, row, along)
+    size = part(lambda r: r[0] + r[3])
+    if len(kind.position) == 3:
+        size = part(lambda r: r[0] + r[3] + r[5])
+    return PoseNoise(of_three, scaled, size, row, along)
 
 
 @cache
@@ -305,7 +316,7 @@ def shapes_for(kind: KernelSpec) -> Any:
     Where noise acts on the position, that of a step which ends at a crossing counts until then only. So steps that are
     split near walls have the covariance of the passive noise, and those that may enter the goal.
     """
-    noisy_position, gated, flat = kind.noisy_position, kind.gated, in_plane(len(kind.reads))
+    noisy_position, gated, size_of = kind.noisy_position, kind.gated, pose_noise(kind).size
 
     @part
     def shapes(setup, dt, whole, rates, distances):  # type: ignore[no-untyped-def]
@@ -314,9 +325,8 @@ def shapes_for(kind: KernelSpec) -> Any:
         if not noisy_position:
             return True
         way = TUNING.entering * math.sqrt(2.0 * setup.least_rate) * dt + TUNING.deviations * math.sqrt(dt)
-        xx, _, yy = flat(rates)
         _, _, to_rim = distances[:3]
-        return dt == whole and to_rim > way * math.sqrt(xx + yy)
+        return dt == whole and to_rim > way * math.sqrt(size_of(rates))
 
     return shapes
 
@@ -369,7 +379,8 @@ def motion(kind: KernelSpec) -> Any:
     covariance = pose_noise(kind).covariance
     pose, sweep = pose_at(kind.reads), kind.space.sweep
     onward = vectors.combined(len(kind.reads))
-    px, py = kind.position
+    place, between, square = pose_at(kind.position), *algebra(len(kind.position))
+    bends = curved_step and len(kind.position) == 2  # in space steps are chords: they bow by millimetres
 
     @part
     def shaken(scratch, share):  # type: ignore[no-untyped-def]
@@ -410,8 +421,10 @@ def motion(kind: KernelSpec) -> Any:
         """Check whether the step enters the goal straight ahead, then without noise; return its share until then."""
         f = scratch.f
         here = pose(scratch.x)
-        within = setup.world.radius + math.sqrt(f[px] * f[px] + f[py] * f[py]) * dt
-        if (here[0] - setup.world.goal[0]) ** 2 + (here[1] - setup.world.goal[1]) ** 2 >= within * within:
+        velocity = place(f)
+        within = setup.world.radius + math.sqrt(square(velocity, velocity)) * dt
+        to_goal = between(1.0, place(scratch.x), -1.0, setup.world.goal)
+        if square(to_goal, to_goal) >= within * within:
             return False, 1.0
         exit, ahead, _ = sweep(setup.world, here, onward(1.0, here, dt, pose(f)), 0.0, 0.0)
         for j in range(m if exit == GOAL else 0):
@@ -439,7 +452,7 @@ def motion(kind: KernelSpec) -> Any:
         arrived = False
         ahead = 1.0
         turn = 0.0
-        vx, vy = f[px], f[py]
+        before = place(f)
 
         if not noisy_position and setup.bridge:
             arrived, ahead = arrives(setup, scratch, dt)
@@ -452,7 +465,8 @@ def motion(kind: KernelSpec) -> Any:
         shaken(scratch, 1.0)
         if curved_step and not arrived:  # between two steps its velocity changes, and its path is no chord
             drift(moved, setup.parameters, f)
-            turn = turn_of(vx, vy, f[px], f[py], moved[px] - scratch.x[px], moved[py] - scratch.x[py], dt)
+        if bends and not arrived:
+            turn = turn_of(before, place(f), between(1.0, place(moved), -1.0, place(scratch.x)), dt)
         return Moved(arrived, ahead, turn, rates)
 
     return move

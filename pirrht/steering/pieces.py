@@ -3,16 +3,16 @@
 What `straight_line` does in the plane, with vertices of three numbers; a piece is known by its two ends.
 """
 
-import math
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
+from pirrht.geometry.pieces import D, Pieces, apart, entry_of_ball
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import SpaceKernels
 from pirrht.jit.jit import inlined, kernel
@@ -20,35 +20,10 @@ from pirrht.steering.motion import MotionKernels, MotionKind, Surroundings, Traj
 from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.topology.signature import SignatureKernels
 
-D = 3  # numbers of a place
-
-
-class Pieces(NamedTuple):
-    """k straight motions in space at one speed, one row each."""
-
-    path: Array  # (k, 6) both ends [m]
-    cost: Array  # (k,) [cost]
-    tails: Array  # (k, 3) first places [m]
-    heads: Array  # (k, 3) last places [m]
-
-    @property
-    def knots(self) -> Array:
-        """Begins of consecutive pieces and the end of the last one, (k + 1, 3) [m]."""
-        return np.vstack([self.path[:, :D], self.path[-1:, D:]])
-
-    def points(self, spacing: float) -> list[Array]:
-        """Return both ends of each piece, (2, 3) [m], and no points in between, whatever the `spacing`."""
-        return list(self.path.reshape(-1, 2, D))
-
-
-@inlined
-def _apart(a, b):  # type: ignore[no-untyped-def]
-    return math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
-
 
 @inlined
 def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
-    return _apart(tail, head) * numbers[0]
+    return apart(tail, head) * numbers[0]
 
 
 @kernel
@@ -59,7 +34,7 @@ def connect_pieces(tails, heads, numbers):  # type: ignore[no-untyped-def]
     for i in range(k):
         found.path[i, :D] = tails[i]
         found.path[i, D:] = heads[i]
-        found.cost[i] = _apart(tails[i], heads[i]) * numbers[0]
+        found.cost[i] = apart(tails[i], heads[i]) * numbers[0]
     return found
 
 
@@ -67,27 +42,6 @@ def connect_pieces(tails, heads, numbers):  # type: ignore[no-untyped-def]
 def _ends(pieces, i):  # type: ignore[no-untyped-def]
     p = pieces.path
     return (p[i, 0], p[i, 1], p[i, 2]), (p[i, 3], p[i, 4], p[i, 5])
-
-
-@kernel
-def entry_of_ball(a, b, center, radius):  # type: ignore[no-untyped-def]
-    """Return the share of a line from a to b [m] after which it first enters a ball; infinity if it begins or ends
-    outside without meeting it, 0 if it begins inside."""
-    length = _apart(a, b)
-    along = 0.0
-    square = -radius * radius
-    for k in range(D):
-        to_center = center[k] - a[k]
-        along += to_center * (b[k] - a[k])
-        square += to_center * to_center
-    if square <= 0.0:
-        return 0.0
-    if length == 0.0:
-        return np.inf
-    along /= length
-    inside = along * along - square
-    share = (along - math.sqrt(inside)) / length if inside >= 0.0 and along > 0.0 else np.inf
-    return share if share <= 1.0 else np.inf
 
 
 @inlined

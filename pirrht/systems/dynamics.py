@@ -63,12 +63,13 @@ def no_homing(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
 
 
 class Dynamics:
-    """A planar system whose first two states are the position [m].
+    """A system whose first two states are the position [m], or three in space.
 
     `drift`, `control_block` and `diffusion_block` are numeric functions `(x, p, out) -> None` that fill `out` and
     compile with numba; `p` is `parameters`. Blocks may be arrays instead: then they are constant. Instead of both
     blocks a system may declare `input_matrix` and `input_noise`. `states` names the components: "x" and "y" [m] first,
-    then "heading" [rad], "vx", "vy", "speed" [m/s], "t" [s] or whatever else the system has, but no "z".
+    then "heading" [rad], "vx", "vy", "speed" [m/s], "t" [s] or whatever else the system has. In space "z" is the third,
+    and `position` has three indices.
     """
 
     n: int  # states
@@ -129,7 +130,7 @@ class Dynamics:
 
     @cached_property
     def isotropic_point(self) -> bool:
-        """Tell whether it is a point without drift whose noise is isotropic, by probing some states."""
+        """Tell whether it is a point in the plane without drift whose noise is isotropic, by probing some states."""
         if not self.n == self.m == 2:
             return False
         noise = [self.B_c(x) @ self.B_c(x).T for x in self._some_states()]

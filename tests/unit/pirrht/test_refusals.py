@@ -51,7 +51,7 @@ def posed(dynamics: Dynamics, R=None) -> Problem:
 
 METHOD = r"drift\(x, p, out\) cannot be called .* make it a @staticmethod"
 REFUSED = {
-    "a height": ({"states": ("x", "y", "z", "vx")}, r'"z" is a third position, but scenes are planar'),
+    "a height": ({"states": ("x", "y", "z", "vx")}, r'"z" is a third position'),
     "a line": ({"n": 1, "m": 1, "states": ("x",)}, "at least the 2 states x and y"),
     "y before x": ({"states": ("y", "x", "vx", "vy")}, r'\(y, x, vx, vy\); the first two must be "x" and "y"'),
     "undeclared states": ({"states": Dynamics.states}, r"n is 4, but its states are \(x, y\); name each once, as in"),
