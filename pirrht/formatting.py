@@ -22,6 +22,11 @@ def vector(numbers: Iterable[float]) -> str:
     return "(" + ", ".join(f"{float(v) + 0.0:.3g}" for v in numbers) + ")"
 
 
+def exact(numbers: Iterable[float]) -> str:
+    """Return numbers as (1.2, 3.4), with six digits."""
+    return "(" + ", ".join(f"{float(v):g}" for v in numbers) + ")"
+
+
 def matrix(rows: Iterable[Iterable[float]]) -> str:
     """Return rows of numbers as [[1.2, 0], [0, 3.4]], with four digits."""
     return "[" + ", ".join("[" + ", ".join(f"{float(v) + 0.0:.4g}" for v in row) + "]" for row in rows) + "]"

@@ -21,7 +21,7 @@ from pirrht.arrays import Array, IntArray
 from pirrht.exact.grid import TUNING, Frame, place_at, to_rim
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Scene
-from pirrht.geometry.walls import stands_apart
+from pirrht.geometry.walls import products, stands_apart
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.distances import clearance_of_solid, offset_of_solid, piece_of, turned_back
 from pirrht.moving.obstacles import MovingObstacleArrays
@@ -200,9 +200,8 @@ def boundaries_of(domain, step, patch, x, y):  # type: ignore[no-untyped-def]
             break
         later = math.inf
         for k in range(1, rows):
-            if member[k] < 0 and (
-                k == at or (now[k] < step.cutoff and not stands_apart(away[k, 0], away[k, 1], away[at, 0], away[at, 1]))
-            ):
+            along, square, other = products(away[k], away[at], 2)
+            if member[k] < 0 and (k == at or (now[k] < step.cutoff and not stands_apart(along, square, other))):
                 member[k], later = n, min(later, then[k])
         distance[n] = now[at]
         speed[n] = (later - now[at]) / step.dt

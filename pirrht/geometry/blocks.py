@@ -144,9 +144,9 @@ def _extremes(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     return np.minimum(low[..., :-1], low[..., 1:]), np.maximum(high[..., :-1], high[..., 1:])
 
 
-def lattice(nx: int, ny: int) -> NDArray[np.int64]:
-    """Return the points of whole numbers from 0 on, (nx, ny, 2)."""
-    return np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1)
+def lattice(*counts: int) -> NDArray[np.int64]:
+    """Return the points of whole numbers from 0 on, (nx, ny, 2) or (nx, ny, nz, 3)."""
+    return np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
 
 
 def _near_blocks(collision: Collision, members: Sequence[int], width: float, counts: Array) -> Origins:

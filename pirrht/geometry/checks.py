@@ -40,6 +40,11 @@ def numbers(value: Any, shape: tuple[int | None, ...], what: str, must: str) -> 
     return array
 
 
+def width_of(position: Any) -> int:
+    """Return 3 for a position of three numbers, else 2."""
+    return 3 if _floats(position).shape == (3,) else 2
+
+
 def number(value: Any, what: str, must: str, least: float = TUNING.smallest) -> float:
     """Return a number that is at least so large; SceneError: it is another, or none."""
     array = _floats(value)

@@ -56,7 +56,10 @@ def touches(
 
 
 class Collision:
-    """Distances and free paths of a sphere among the obstacles of a world; the border bounds its centre."""
+    """Distances and free paths of a sphere among the obstacles of a world; the border bounds its centre.
+
+    Points are (k, 2) at the footprint's height, or (k, 3) in space [m].
+    """
 
     def __init__(self, world: Workspace, footprint: Footprint) -> None:
         self.world, self.footprint = world, footprint
@@ -71,8 +74,9 @@ class Collision:
         self._waivers = np.array(world.waivers).reshape(-1, 4)
 
     def extents(self) -> tuple[Array, Array]:
-        """Return rectangles around the obstacles seen from above: lower and upper corners, 2 x (M, 2) [m]."""
-        return self._solids.low, self._solids.high
+        """Return boxes around the obstacles, in the plane seen from above: lower and upper corners, 2 x (M, d) [m]."""
+        d = len(self.world.lower)
+        return self._solids.low[:, :d], self._solids.high[:, :d]
 
     def distance(self, points: Array) -> Array:
         """Return distances of the robot's centre from obstacles, (k, 2) -> (k,) [m]; 0 inside, infinite if none.
@@ -153,8 +157,11 @@ class Collision:
         )
 
     def _swept(self, tail: Array, head: Array, radius: float) -> Any:
-        """Return the capsule that the robot sweeps between two places (2,) with a radius [m]."""
-        return _capsule(radius, np.append(0.5 * (tail + head), self.footprint.height), head - tail)
+        """Return the capsule that the robot sweeps between two places (d,) with a radius [m]."""
+        middle = 0.5 * (tail + head)
+        if len(middle) == 2:
+            middle = np.append(middle, self.footprint.height)
+        return _capsule(radius, middle, head - tail)
 
     def arc_free(self, start: tuple[float, float, float], curvature: float, length: float) -> bool:
         """Return whether an arc from a pose, along its heading, of a curvature [1/m] and length [m] is free."""
@@ -163,11 +170,12 @@ class Collision:
     def bisect_free(self, place: Callable[[float], Array], length: float) -> bool:
         """Return whether clearances certify a curve: a piece ab is free if c(a) + c(b) > |ab|.
 
-        `place` takes an arc length in [0, length] [m] to where the robot is, x and y [m] first.
+        `place` takes an arc length in [0, length] [m] to where the robot is, its position [m] first.
         """
+        d = len(self.world.lower)
 
         def clear(s: float) -> float:
-            return float(self.clearance(place(s)[None, :2])[0])
+            return float(self.clearance(place(s)[None, :d])[0])
 
         return not touches(clear, lambda a, b: b - a, length, slack=TUNING.rounding)
 
@@ -220,13 +228,17 @@ def _first_of_equals(obstacles: Sequence[Obstacle]) -> IntArray:
 
 
 def _capsule(radius: float, middle: Array, span: Array) -> Any:
-    """Return the capsule that a sphere of a radius [m] sweeps along span (2,) [m] about `middle` (3,) [m]."""
-    length = float(np.hypot(span[0], span[1]))
+    """Return the capsule that a sphere of a radius [m] sweeps along span (d,) [m] about `middle` (3,) [m]."""
+    length = float(np.hypot.reduce(span))
     if length < 1e-9:
         return fcl.CollisionObject(fcl.Sphere(radius), fcl.Transform(middle))
-    c = span[0] / length
-    s = span[1] / length
-    along_z = np.array([[-s, 0.0, c], [c, 0.0, s], [0.0, 1.0, 0.0]])  # the capsule's own axis is z
+    level = float(np.hypot(span[0], span[1]))
+    c = span[0] / level if level > 0.0 else 1.0
+    s = span[1] / level if level > 0.0 else 0.0
+    flat = level / length
+    rise = span[2] / length if len(span) == 3 else 0.0
+    # The capsule's own axis is z: the last column.
+    along_z = np.array([[-s, -c * rise, c * flat], [c, -s * rise, s * flat], [0.0, flat, rise]])
     return fcl.CollisionObject(fcl.Capsule(radius, length), fcl.Transform(along_z, middle))
 
 

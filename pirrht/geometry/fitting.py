@@ -6,12 +6,12 @@ then the maximum of two 1-Lipschitz functions, so every certificate that rests o
 of the minimum of the clearance with the smaller radius and the distance to the rim of that disc.
 """
 
-import math
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
+from pirrht import formatting
 from pirrht.arrays import Array, BoolArray
 from pirrht.errors import SceneError
 from pirrht.geometry.blocks import lattice
@@ -26,33 +26,35 @@ def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> 
     `collision` is of its world and footprint, without waivers at what is fitted. Unless the `start_counts`, waivers are
     kept. SceneError: the robot without its margin touches an obstacle at the start, or everywhere in the goal disc.
     """
-    start, goal, body = scene.start[:2], scene.goal, scene.body.radius
+    start, goal, body = scene.place, scene.goal, scene.body.radius
     waivers = [*scene.narrow] if start_counts else [*scene.waivers]
     if start_counts and float(collision.distance(start[None])[0]) < scene.robot_radius + SHORTEST:
         if (distance := float(collision.true_distance(start[None])[0])) < body - ROUNDING:
             raise SceneError(_in_collision(scene, "start", start, f" (it lacks {body - distance:.3g} m)"))
-        waivers.append(_waiver(scene, collision, start))
+        waivers.append(_waiver(scene, collision, start, "start"))
     if float(collision.clearance(goal.center[None])[0]) <= 0.0:
         wide, part = (_free_part(scene, collision, radius) for radius in (scene.robot_radius, body))
         if part is None:
             raise SceneError(_in_collision(scene, "goal", goal.center, ", as everywhere in its disc"))
         goal = part if wide is None or wide.radius < TUNING.similar * part.radius else wide
         if collision.distance(goal.center[None])[0] < scene.robot_radius:
-            waivers.append(_waiver(scene, collision, goal.center))
+            waivers.append(_waiver(scene, collision, goal.center, "goal"))
     changed = goal is not scene.goal or len(waivers) > len(scene.waivers)
     return replace(scene, goal=goal, waivers=tuple(waivers)) if changed else scene
 
 
 def _in_collision(scene: Scene, what: str, point: Array, more: str) -> str:
-    where, body = f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g})", scene.body.radius
+    where, body = f"{scene.name}: the {what} {formatting.exact(point)}", scene.body.radius
     return f"{where} is in collision for a robot of radius {body:g}{more}; move it or choose a smaller robot radius"
 
 
-def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
+def _waiver(scene: Scene, collision: Collision, point: Array, what: str) -> Waiver:
     """Return the disc around a point (2,) [m] in which less margin counts; the largest one if no path leads out.
 
-    SceneError: none does since an obstacle is under or over the robot wherever it goes.
+    SceneError: none does since an obstacle is under or over the robot wherever it goes; or it is a point in space.
     """
+    if scene.dimension == 3:
+        raise SceneError(_in_collision(scene, what, point, f" and a margin of {scene.margin:g}"))
     body = scene.body.radius
     clearance = float(collision.true_distance(point[None])[0]) - body
     radii = [body + min(share * clearance, clearance - SHORTEST) for share in (0.5, 0.25, 0.0)]  # kept of the clearance
@@ -102,11 +104,12 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
 
     goal, count = scene.goal, TUNING.goal_lattice
     cell = goal.radius / count
-    places = goal.center + cell * (lattice(2 * count + 1, 2 * count + 1) - count)
-    to_rim = goal.radius - np.hypot(*np.moveaxis(places - goal.center, -1, 0))
+    places = goal.center + cell * (lattice(*[2 * count + 1] * scene.dimension) - count)
+    to_rim = goal.radius - np.hypot.reduce(places - goal.center, axis=-1)
     to_border = np.minimum(places - scene.lower, scene.upper - places).min(axis=-1)
     clearance = np.minimum(
-        np.minimum(to_rim, to_border), collision.distance(places.reshape(-1, 2)).reshape(to_rim.shape) - radius
+        np.minimum(to_rim, to_border),
+        collision.distance(places.reshape(-1, scene.dimension)).reshape(to_rim.shape) - radius,
     )
     pieces, found = label(clearance > SHORTEST)
     if not found:
@@ -115,23 +118,23 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     inside = (clearance >= TUNING.similar * greatest) & (greatest >= TUNING.similar * greatest.max())
     centers = places[inside]
     away = np.rint((goal.radius - to_rim[inside]) / cell)
-    center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
-    return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
+    center = centers[np.lexsort((np.hypot.reduce(centers - scene.place, axis=-1), away))[0]]
+    return Goal(center=center, radius=goal.radius - float(np.hypot.reduce(center - goal.center)))
 
 
 def margin_left(scene: Scene, collision: Collision, start: Array) -> float | None:
-    """Return a margin [m] that leaves a path from a point (2,) [m] to the goal, 0 for none, where this one does not.
+    """Return a margin [m] that leaves a path from a point (d,) [m] to the goal, 0 for none, where this one does not.
 
     None: this one does, or a grid cannot tell. Only static obstacles count.
     """
     from scipy.ndimage import label
 
     span = (scene.upper - scene.lower).astype(float)
-    spacing = math.sqrt(float(np.prod(span)) / TUNING.path_points)
+    spacing = float(np.prod(span) / TUNING.path_points) ** (1.0 / scene.dimension)
     shape = tuple(np.ceil(span / spacing).astype(int))
-    points = (scene.lower + spacing * lattice(*shape)).reshape(-1, 2)
-    begin = np.hypot(*(points - start).T) <= spacing
-    goal = np.hypot(*(points - scene.goal.center).T) <= max(scene.goal.radius, spacing)
+    points = (scene.lower + spacing * lattice(*shape)).reshape(-1, scene.dimension)
+    begin = np.hypot.reduce(points - start, axis=-1) <= spacing
+    goal = np.hypot.reduce(points - scene.goal.center, axis=-1) <= max(scene.goal.radius, spacing)
 
     def leads(passable: BoolArray) -> bool:
         pieces = label(passable.reshape(shape))[0].ravel()

@@ -39,7 +39,7 @@ def _along_edge(solids, m, height, ax, ay, bx, by, halvings):  # type: ignore[no
             return 0.0, s
         if d < best:
             best, where = d, s
-        ex, ey = offset_from(solids, m, x, y, height)
+        ex, ey, _ = offset_from(solids, m, x, y, height)
         slope = ex * (bx - ax) + ey * (by - ay)
         if slope == 0.0 or (k == 0 and slope > 0.0) or (k == 1 and slope < 0.0):
             break
@@ -104,7 +104,7 @@ def _from_hull(solids, m, height, corners, halvings):  # type: ignore[no-untyped
             py = a[1] + s * (b[1] - a[1])
     if best <= PROBE:
         return 0.0
-    ex, ey = offset_from(solids, m, px, py, height)
+    ex, ey, _ = offset_from(solids, m, px, py, height)
     for k in range(count):
         if ex * (corners[k, 0] - px) + ey * (corners[k, 1] - py) < -1e-9 * best:
             return _inside(solids, m, height, corners, best, halvings)

@@ -12,12 +12,13 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.formatting import short
 from pirrht.geometry import solids
-from pirrht.geometry.checks import number, numbers, parts_of
+from pirrht.geometry.checks import number, numbers, parts_of, width_of
 from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.geometry.tuning import TUNING
 
 ROUNDING = TUNING.rounding
+AXES = {2: "x, y [m]", 3: "x, y, z [m]"}  # of a position, by how many numbers it has
 NO_FOOTPRINT = Footprint()  # a disc of the robot's radius
 
 __all__ = ["ROUNDING", "Footprint", "Goal", "Kind", "Obstacle", "Scene", "SceneTask", "Workspace"]
@@ -25,11 +26,11 @@ __all__ = ["ROUNDING", "Footprint", "Goal", "Kind", "Obstacle", "Scene", "SceneT
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Goal:
-    """The disc the robot's centre has to reach.
+    """The disc the robot's centre has to reach; in space, the ball.
 
     Attributes:
-        center: x, y, (2,) [m]; the paper's goal representative point.
-        radius: of the disc [m].
+        center: x, y, (2,), in space x, y, z, (3,) [m]; the paper's goal representative point.
+        radius: of the disc or ball [m].
 
     Examples:
         >>> import numpy as np
@@ -45,15 +46,16 @@ class Goal:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", numbers(self.center, (2,), "the goal center", "x, y [m]"))
+        d = width_of(self.center)
+        object.__setattr__(self, "center", numbers(self.center, (d,), "the goal center", AXES[d]))
         object.__setattr__(self, "radius", number(self.radius, "the goal radius", "a positive number [m]"))
 
     def __repr__(self) -> str:
         return f"Goal({formatting.vector(self.center)}, radius {self.radius:g} m)"
 
     def contains(self, position: Array) -> NDArray[np.bool_]:
-        """Return whether positions (..., 2) [m] lie in the closed disc, (...,)."""
-        inside: NDArray[np.bool_] = np.hypot(*np.moveaxis(position - self.center, -1, 0)) <= self.radius
+        """Return whether positions (..., d) [m] lie in the closed disc or ball, (...,)."""
+        inside: NDArray[np.bool_] = np.hypot.reduce(position - self.center, axis=-1) <= self.radius
         return inside
 
 
@@ -69,13 +71,13 @@ class Waiver(NamedTuple):
 class Workspace(NamedTuple):
     """Static obstacles and border; distances, fields and topology depend on them and the footprint alone."""
 
-    lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
-    upper: Array  # (2,) greatest corner [m]
+    lower: Array  # (d,) least corner of the box that holds the robot's centre [m]; d is 2, or 3 in space
+    upper: Array  # (d,) greatest corner [m]
     obstacles: tuple[Obstacle, ...]
     waivers: tuple[Waiver, ...] = ()
 
     def contains(self, position: Array) -> bool:
-        """Return whether a robot centre (2,) [m] lies strictly inside the workspace."""
+        """Return whether a robot centre (d,) [m] lies strictly inside the workspace."""
         return bool(np.all(position > self.lower) and np.all(position < self.upper))
 
 
@@ -92,17 +94,20 @@ class SceneTask(TypedDict):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """A planar workspace with solid obstacles, the footprint of a robot in it, and its task: a start and a goal.
+    """A workspace with solid obstacles, the footprint of a robot in it, and its task: a start and a goal.
+
+    In the plane the robot moves at one height. A workspace whose corners have three numbers is one in space, and its
+    robot a ball.
 
     Attributes:
         name: its name in messages and pictures.
-        lower: least corner of the box that holds the robot's centre, (2,) [m].
-        upper: its greatest corner, (2,) [m].
+        lower: least corner of the box that holds the robot's centre, (2,) or (3,) [m].
+        upper: its greatest corner [m].
         obstacles: static convex solids.
-        goal: the disc to be reached.
-        start: x, y [m] and heading [rad], (3,).
+        goal: the disc or ball to be reached.
+        start: x, y [m] and heading [rad], in space x, y, z [m], (3,).
         robot_radius: of the sphere as which the robot plans, or the inscribed radius of its footprint [m].
-        robot_height: of that sphere's centre above the ground [m].
+        robot_height: of that sphere's centre above the ground [m], in the plane.
         defaults: option name -> value that the scene asks for, in the option's unit.
         movers: moving obstacles; `obstacles` holds only static ones.
         margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
@@ -144,12 +149,12 @@ class Scene:
     footprint: Footprint = NO_FOOTPRINT
 
     def __repr__(self) -> str:
-        across, up = self.upper - self.lower
+        sides = " x ".join(f"{side:g}" for side in self.upper - self.lower)
         count = len(self.obstacles)
 
         return (
-            f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {count} obstacle{'s' if count != 1 else ''}, "
-            f"{len(self.movers)} that move, from {formatting.vector(self.start[:2])} to "
+            f"Scene({formatting.name(self.name)}, {sides} m, {count} obstacle{'s' if count != 1 else ''}, "
+            f"{len(self.movers)} that move, from {formatting.vector(self.place)} to "
             f"{formatting.vector(self.goal.center)}, robot of {self.robot_radius:g} m)"
         )
 
@@ -159,12 +164,13 @@ class Scene:
         self._check_parts()
         of = f"{self.name}: the "
         shape = self.footprint
+        axes = AXES[self.dimension]
         if not shape.is_disc or (isinstance(self.robot_radius, float) and not self.robot_radius and shape.rounding):
             object.__setattr__(self, "robot_radius", shape.inscribed)
         measured = {
-            "lower": numbers(self.lower, (2,), f"{of}least corner of the workspace", "x, y [m]"),
-            "upper": numbers(self.upper, (2,), f"{of}greatest corner of the workspace", "x, y [m]"),
-            "start": numbers(self.start, (3,), f"{of}start", "x, y [m] and a heading [rad]"),
+            "lower": numbers(self.lower, (self.dimension,), f"{of}least corner of the workspace", axes),
+            "upper": numbers(self.upper, (self.dimension,), f"{of}greatest corner of the workspace", axes),
+            "start": numbers(self.start, (3,), f"{of}start", "x, y [m] and a heading [rad], in space x, y, z [m]"),
             "robot_radius": number(self.robot_radius, f"{of}robot radius", "a positive number [m]"),
             "robot_height": number(self.robot_height, f"{of}height of the robot's centre", "a number [m]", 0.0),
             "margin": number(self.margin, f"{of}margin", "a part of the robot radius [m]", 0.0),
@@ -179,12 +185,10 @@ class Scene:
             raise SceneError(f"{of}margin is {self.margin:g}; it is a part of the robot radius, {self.robot_radius:g}")
         if not np.all(self.lower < self.upper):
             raise SceneError(f"{of}workspace is empty, from {self.lower} to {self.upper}")
-        for what, point in (("start", self.start), ("goal", self.goal.center)):
-            if not self.world.contains(point[:2]):
-                raise SceneError(
-                    f"{of}{what} ({point[0]:g}, {point[1]:g}) lies outside the workspace "
-                    f"[{self.lower[0]:g}, {self.upper[0]:g}] x [{self.lower[1]:g}, {self.upper[1]:g}]"
-                )
+        for what, point in (("start", self.place), ("goal", self.goal.center)):
+            if not self.world.contains(point):
+                box = " x ".join(f"[{low:g}, {high:g}]" for low, high in zip(self.lower, self.upper, strict=True))
+                raise SceneError(f"{of}{what} {formatting.exact(point)} lies outside the workspace {box}")
 
     def _check_parts(self) -> None:
         """Refuse obstacles, movers, a goal and defaults of other types."""
@@ -197,6 +201,13 @@ class Scene:
             raise SceneError(f"{self.name}: the footprint is {shape}; it must be a pirrht.Footprint")
         if not isinstance(self.defaults, dict) or not all(isinstance(name, str) for name in self.defaults):
             raise SceneError(f"{self.name}: the defaults are {short(self.defaults)}; they must be numbers by name")
+        if len(self.goal.center) != self.dimension:
+            center = formatting.exact(self.goal.center)
+            raise SceneError(f"{self.name}: the goal center is {center}; it must be {AXES[self.dimension]}")
+        if self.dimension == 3 and not (self.footprint.is_disc and not self.movers and not self.narrow):
+            raise SceneError(
+                f"{self.name}: a robot in space is a ball, and obstacles that move or waive margin are planar"
+            )
 
     @classmethod
     def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]) -> "Scene":
@@ -291,8 +302,18 @@ class Scene:
         )  # fmt: skip
 
     @property
+    def dimension(self) -> int:
+        """Return 3 for a workspace in space, else 2."""
+        return width_of(self.lower)
+
+    @property
+    def place(self) -> Array:
+        """Return where the robot's centre starts, (2,) or (3,) [m]."""
+        return self.start[: self.dimension]
+
+    @property
     def world(self) -> Workspace:
-        """Return bounds, 2 x (2,) [m], static obstacles, and discs in which margins are smaller."""
+        """Return bounds, 2 x (d,) [m], static obstacles, and discs in which margins are smaller."""
         return Workspace(self.lower, self.upper, self.obstacles, self.waivers)
 
     @property

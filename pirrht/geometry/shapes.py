@@ -27,8 +27,8 @@ class Solids(NamedTuple):
     size: Array  # (M, 3) MuJoCo's sizes [m]
     position: Array  # (M, 3) centres [m]
     rotation: Array  # (M, 3, 3) body axes in world coordinates, as columns
-    low: Array  # (M, 2) rectangles around them seen from above [m]
-    high: Array  # (M, 2) [m]
+    low: Array  # (M, 3) boxes around them [m]
+    high: Array  # (M, 3) [m]
     face: NDArray[np.int64]  # (M + 1,) where the triangles of each begin
     corner: Array  # (F, 3, 3) corners of triangles, counter-clockwise from outside [m]
     normal: Array  # (F, 3) their unit normals
@@ -37,7 +37,7 @@ class Solids(NamedTuple):
     def of(cls, obstacles: Sequence[Obstacle]) -> "Solids":
         """Gather M obstacles into arrays (M, ...) [m]."""
         M = len(obstacles)
-        boxes = np.array([_rectangle(o) for o in obstacles]).reshape(M, 2, 2)
+        boxes = np.array([_box(o) for o in obstacles]).reshape(M, 2, 3)
         hulls = [np.zeros((0, 3, 3))] * (M + 1)
         for i, o in enumerate(obstacles):
             if o.kind is Kind.MESH:
@@ -70,8 +70,8 @@ def hull_of(obstacle: Obstacle) -> tuple[Array, IntArray]:
     return vertices, faces
 
 
-def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
-    """Return corners of an axis-parallel rectangle that contains the solid seen from above, 2 x (2,) [m]."""
+def _box(obstacle: Obstacle) -> tuple[Array, Array]:
+    """Return corners of a box along the axes that contains the solid, 2 x (3,) [m]."""
     a, b, c = (float(s) for s in obstacle.size)
     if obstacle.kind is Kind.MESH:
         assert obstacle.vertices is not None
@@ -83,7 +83,7 @@ def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
         low = -high
     middle = obstacle.position + obstacle.rotation @ (0.5 * (low + high))
     extent = np.abs(obstacle.rotation) @ (0.5 * (high - low)) + PROBE
-    return (middle - extent)[:2], (middle + extent)[:2]
+    return middle - extent, middle + extent
 
 
 @inlined
@@ -195,19 +195,23 @@ def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def distances(solids, members, points, height, out):  # type: ignore[no-untyped-def]
-    """Write distances from the nearest of the members to points (k, 2) at a height [m], out (k,); 0 inside."""
+    """Write distances from the nearest of the members to points, out (k,) [m]; 0 inside.
+
+    Points (k, 2) are at a height, those in space (k, 3) have their own [m].
+    """
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
+        z = height if points.shape[1] == 2 else points[i, 2]
         best = math.inf
         for m in members:
             if square_to(solids.low, solids.high, m, x, y) < best * best:
-                best = min(best, distance_from(solids, m, x, y, height))
+                best = min(best, distance_from(solids, m, x, y, z))
         out[i] = best if best > PROBE else 0.0
 
 
 @part
 def square_to(low, high, m, x, y):  # type: ignore[no-untyped-def]
-    """Return the square of the distance from (x, y) to the rectangle around a solid [m^2]."""
+    """Return the square of the distance from (x, y) to the box around a solid seen from above [m^2]."""
     dx = max(max(low[m, 0] - x, x - high[m, 0]), 0.0)
     dy = max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
 
@@ -233,12 +237,15 @@ def offset_of(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
 
 @borrowing
 def offset_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the planar vector (x, y) from solid m's nearest point to a point (x, y, z) outside [m]."""
+    """Return the vector from solid m's nearest point to a point (x, y, z) outside [m]."""
     if solids.form[m] < 0:
-        ex, ey, _ = _off_hull(solids, m, x, y, z)
-        return ex, ey
+        return _off_hull(solids, m, x, y, z)
     size = solids.size[m]
     R = solids.rotation[m]
     x, y, z = _in_frame(solids, m, x, y, z)
     ex, ey, ez = offset_of(solids.form[m], size[0], size[1], size[2], x, y, z)
-    return R[0, 0] * ex + R[0, 1] * ey + R[0, 2] * ez, R[1, 0] * ex + R[1, 1] * ey + R[1, 2] * ez
+    return (
+        R[0, 0] * ex + R[0, 1] * ey + R[0, 2] * ez,
+        R[1, 0] * ex + R[1, 1] * ey + R[1, 2] * ez,
+        R[2, 0] * ex + R[2, 1] * ey + R[2, 2] * ez,
+    )

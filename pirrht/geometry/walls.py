@@ -25,21 +25,19 @@ class Found(NamedTuple):
     first: Array  # (k,) distance to the nearest solid [m]
     second: Array  # (k,) distance to the nearest that stands elsewhere [m]
     which: NDArray[np.int64]  # (k,) index of the nearest solid, -1 where none is known
-    away: Array  # (k, 2) planar vector from its nearest point [m], zero inside
+    away: Array  # (k, d) vector from its nearest point, seen from above in the plane [m], zero inside
     other: Array  # (k,) distance to the nearest of all others, wherever it stands [m]
 
 
 @jitable
-def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
-    """Return whether a solid is a wall of its own next to a nearer one, by vectors from the nearest points e and a [m].
+def stands_apart(along: float, square: float, other: float) -> bool:
+    """Return whether a solid is a wall of its own next to a nearer one, by products e.a, a.a and e.e [m^2].
+
+    e is the vector from its nearest point, a that from the nearer one's.
 
     Their directions are more than 60 degrees apart, and the point rises from the plane of the nearer wall, as that of
     a box does not which stands in line with it further on. From within a solid and from below all are apart.
     """
-    along = ex * ax + ey * ay
-    square = ax * ax + ay * ay
-    other = ex * ex + ey * ey
-
     if along <= 0.0:
         return True
     rise = square - along  # times the nearer distance, as the next one
@@ -47,6 +45,17 @@ def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
     if rise <= 0.0 or rise * rise < RISE_SINE * RISE_SINE * square * (square - 2.0 * along + other):
         return False
     return along * along < APART_COSINE * APART_COSINE * square * other
+
+
+@part
+def products(e, a, d):  # type: ignore[no-untyped-def]
+    """Return e.a, a.a and e.e of the first d numbers of two vectors."""
+    along, square, other = 0.0, 0.0, 0.0
+    for c in range(d):
+        along += e[c] * a[c]
+        square += a[c] * a[c]
+        other += e[c] * e[c]
+    return along, square, other
 
 
 class Bins(NamedTuple):
@@ -62,13 +71,13 @@ class Bins(NamedTuple):
 
 
 def bins_of(solids: Solids, members: IntArray, points: Array, cutoff: float) -> Bins:
-    """Sort solids `members` (l,) that may be nearer than `cutoff` [m] to a place among points (k, 2) [m] into cells."""
+    """Sort solids `members` (l,) that may be nearer than `cutoff` [m] to a place among points (k, d) [m] into cells."""
     corner, end = (np.array([extreme(points[:, k]) for k in (0, 1)]) for extreme in (np.min, np.max))
     width = max(cutoff, float((end - corner).max()) / TUNING.bins_per_side)
     counts = ((end - corner) / width).astype(np.int64) + 1
     wide = cutoff * (1.0 + 1e-9) + 1e-9
-    low = np.floor((solids.low[members] - wide - corner) / width)
-    high = np.floor((solids.high[members] + wide - corner) / width)
+    low = np.floor((solids.low[members, :2] - wide - corner) / width)
+    high = np.floor((solids.high[members, :2] + wide - corner) / width)
     here = np.all((high >= 0) & (low < counts), axis=1)
     low = np.clip(low[here], 0, counts - 1).astype(np.int64)
     sides = np.clip(high[here], 0, counts - 1).astype(np.int64) - low + 1
@@ -91,10 +100,12 @@ def bin_at(bins, x, y):  # type: ignore[no-untyped-def]
 
 @borrowing
 def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untyped-def]
-    """Put the two nearest walls of points (k, 2) [m] at a height [m] into `found`."""
+    """Put the two nearest walls of points (k, 2) [m] at a height [m], or of points in space (k, 3), into `found`."""
     first, second, which, away, other = found
+    d = points.shape[1]
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
+        z = height if d == 2 else points[i, 2]
         begin, end = bin_at(bins, x, y)
 
         best = first[i]
@@ -105,38 +116,40 @@ def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untype
             m = bins.member[k]
             if square_to(solids.low, solids.high, m, x, y) >= later * later:
                 continue
-            d = distance_from(solids, m, x, y, height)
-            d = 0.0 if d <= PROBE else d
-            if d < best:
-                best, later, at = d, best, m
+            gap = distance_from(solids, m, x, y, z)
+            gap = 0.0 if gap <= PROBE else gap
+            if gap < best:
+                best, later, at = gap, best, m
             else:
-                later = min(later, d)
+                later = min(later, gap)
         first[i], other[i], which[i] = best, later, at
         if at >= 0 and best > 0.0:
-            away[i, 0], away[i, 1] = offset_from(solids, at, x, y, height)
+            offset = offset_from(solids, at, x, y, z)
+            for c in range(d):
+                away[i, c] = offset[c]
         best = second[i]
         for k in range(begin, end):
             m = bins.member[k]
             if m == at or square_to(solids.low, solids.high, m, x, y) >= best * best:
                 continue
-            d = distance_from(solids, m, x, y, height)
-            if d <= PROBE:
+            gap = distance_from(solids, m, x, y, z)
+            if gap <= PROBE:
                 best = 0.0
-            elif d < best:
-                ex, ey = offset_from(solids, m, x, y, height)
-                if stands_apart(ex, ey, away[i, 0], away[i, 1]):
-                    best = d
+            elif gap < best:
+                along, square, length = products(offset_from(solids, m, x, y, z), away[i], d)
+                if stands_apart(along, square, length):
+                    best = gap
         second[i] = best
 
 
 def nearest_walls(solids: Solids, members: IntArray, points: Array, height: float, cutoff: float) -> Found:
-    """Find the two nearest walls of each point (k, 2) [m], robot centres at one height [m].
+    """Find the two nearest walls of each point (k, 2) [m], robot centres at one height [m], or (k, 3) in space.
 
     `members` (l,) are the indices of the solids that count; no distance above the cutoff [m] is reported.
     """
     k = len(points)
     first, second, other = np.full((3, k), cutoff)
-    found = Found(first, second, np.full(k, -1, dtype=np.int64), np.zeros((k, 2)), other)
+    found = Found(first, second, np.full(k, -1, dtype=np.int64), np.zeros(points.shape), other)
     if k == 0:
         return found
     bins = bins_of(solids, members, points, cutoff)

@@ -137,14 +137,14 @@ class World(NamedTuple):
     """A snapshot of what is free at (x, t), as numbers and addresses that kernels take cheaply."""
 
     static: Any  # of static obstacles and border, for one footprint (`Space`)
-    goal: tuple[float, float]  # centre of the goal's disc [m]
-    radius: float  # of that disc [m]
+    goal: tuple[float, ...]  # centre of the goal's disc, or in space ball [m]
+    radius: float  # of it [m]
     moving: Any  # J moving obstacles (`Moving`)
 
     @classmethod
     def of(cls, static: Space, goal: Goal, moving: Moving) -> "World":
-        """Take a snapshot of a static space, a goal of centre (2,) [m] and moving obstacles."""
-        return cls(static, (float(goal.center[0]), float(goal.center[1])), float(goal.radius), moving)
+        """Take a snapshot of a static space, a goal of centre (d,) [m] and moving obstacles."""
+        return cls(static, tuple(goal.center.tolist()), float(goal.radius), moving)
 
     def clearance(self, pose: tuple[float, ...], t: float = 0.0) -> float:
         """Return a lower bound of the clearance of a pose from all walls at t [s], [m]."""

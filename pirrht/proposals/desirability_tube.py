@@ -279,7 +279,7 @@ class DesirabilityAscent(ProposalControl):
     """Ascent of the desirability in a tube, G u = BB' grad log psi, less the wall drift."""
 
     tubes: DesirabilityTubes  # one, with J nodes on each of C cross-sections
-    goal: tuple[float, float]  # centre [m]
+    goal: tuple[float, ...]  # centre [m]
     gain: Array  # (m, 2) lambda R^-1 G' [m/s per nat/m]
     push: WallDrift
     promise: float = -math.inf  # predicted log psi of the class, that of the tube at its start [nats]

@@ -1,0 +1,264 @@
+"""Find what paths in space can link with: closed chains of solids that a robot cannot pass between.
+
+Solids grown by the robot's radius, and six half spaces outside of the workspace, are convex sets. So their union has
+the homology of its nerve: a vertex for each set, an edge where two meet, a triangle where three meet. By Alexander
+duality a robot in space has one independent way around for each cycle of that graph that is no sum of triangles: a
+pillar from floor to ceiling, a frame and a bar from wall to wall are one each, a body that floats is none. Subsets of
+space have no torsion, so coefficients modulo 2 count cycles.
+
+A common point certifies an edge or a triangle. A triangle that is missed costs a name, a wrong one would hide a class.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array, BoolArray, IntArray
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from
+from pirrht.jit.jit import borrowing, kernel
+from pirrht.topology.obstacles import Component
+from pirrht.topology.tuning import TUNING
+
+WORKSPACE = "workspace"  # name of all that lies outside
+SIDES = 6  # half spaces outside of the workspace: below and above it along each axis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loop(Component):
+    """A closed chain of grown solids, perhaps through the outside of the workspace, that paths can link with."""
+
+    corners: Array  # (k, 3) of a closed polygon inside of them [m]
+
+
+class Sets(NamedTuple):
+    """M grown solids, then the half spaces outside of the workspace, as kernels take them."""
+
+    solids: Solids
+    radius: float  # by which solids are grown [m]
+    lower: Array  # (3,) least corner of the workspace [m]
+    upper: Array  # (3,) greatest corner [m]
+
+    @property
+    def amount(self) -> int:
+        """Number of sets."""
+        return len(self.solids.form) + SIDES
+
+    def boxes(self) -> tuple[Array, Array]:
+        """Return boxes along the axes around the sets, lower and upper corners, 2 x (count, 3) [m]."""
+        low = np.full((self.amount, 3), -np.inf)
+        high = np.full((self.amount, 3), np.inf)
+        M = len(self.solids.form)
+        low[:M] = self.solids.low - self.radius
+        high[:M] = self.solids.high + self.radius
+        for axis in range(3):
+            high[M + 2 * axis, axis] = self.lower[axis]
+            low[M + 2 * axis + 1, axis] = self.upper[axis]
+        return low, high
+
+
+@borrowing
+def _excess(sets, i, x, y, z):  # type: ignore[no-untyped-def]
+    """Return by how much a point is outside of set i [m], negative inside, and the unit vector away from the set."""
+    M = len(sets.solids.form)
+    if i >= M:
+        axis = (i - M) // 2
+        sign = 1.0 if (i - M) % 2 == 0 else -1.0
+        end = sets.lower[axis] if sign > 0.0 else sets.upper[axis]
+        excess = sign * ((x, y, z)[axis] - end)
+        return excess, sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)
+    gap = distance_from(sets.solids, i, x, y, z)
+    if gap <= PROBE:
+        return -sets.radius, 0.0, 0.0, 0.0
+    ex, ey, ez = offset_from(sets.solids, i, x, y, z)
+    return gap - sets.radius, ex / gap, ey / gap, ez / gap
+
+
+@kernel
+def _meet(sets, trios, rounds, points, found):  # type: ignore[no-untyped-def]
+    """Move points (k, 3) [m] into three sets each, trios (k, 3); found (k,) tells which are in all of them.
+
+    A point goes to a depth in the set that it is farthest from, over and over. The depth is half the radius at first,
+    and is halved if that leads nowhere within so many `rounds`.
+    """
+    for t in range(len(trios)):
+        x, y, z = points[t, 0], points[t, 1], points[t, 2]
+        depth = 0.5 * sets.radius
+        while not found[t] and depth > 1e-4 * sets.radius:
+            for _ in range(rounds):
+                worst, nx, ny, nz = _excess(sets, trios[t, 0], x, y, z)
+                for c in range(1, 3):
+                    excess, ex, ey, ez = _excess(sets, trios[t, c], x, y, z)
+                    if excess > worst:
+                        worst, nx, ny, nz = excess, ex, ey, ez
+                found[t] = worst <= -0.5 * depth
+                if found[t]:
+                    break
+                x -= (worst + depth) * nx
+                y -= (worst + depth) * ny
+                z -= (worst + depth) * nz
+            depth *= 0.5
+        points[t, 0], points[t, 1], points[t, 2] = x, y, z
+
+
+class Nerve:
+    """Sets, edges between two that meet, with a common point each, and triangles of three that meet."""
+
+    def __init__(self, sets: Sets) -> None:
+        self.sets = sets
+        low, high = sets.boxes()
+        near = np.all((low[:, None] <= high) & (low <= high[:, None]), axis=-1)
+        pairs = np.argwhere(np.triu(near, 1))
+        middle = 0.5 * (sets.lower + sets.upper)
+        centers = np.vstack([sets.solids.position, np.tile(middle, (SIDES, 1))])
+        points, found = self._common(pairs[:, [0, 1, 1]], 0.5 * (centers[pairs[:, 0]] + centers[pairs[:, 1]]))
+        self.edges: IntArray = pairs[found]
+        self.points = points[found]  # (E, 3) [m]
+        self.edge_of = {(i, j): e for e, (i, j) in enumerate(self.edges.tolist())}
+        self.neighbors: list[list[int]] = [[] for _ in range(sets.amount)]
+        for i, j in self.edges.tolist():
+            self.neighbors[i].append(j)
+            self.neighbors[j].append(i)
+        self.triangles = self._triangles()
+
+    def _common(self, trios: NDArray[np.int64], starts: Array) -> tuple[Array, BoolArray]:
+        """Return points near some starts, and whether they are in all three sets each.
+
+        Starts are moved a little, so that no corner of a polygon lies exactly between places that people choose.
+        """
+        shift = TUNING.meeting_shift * self.sets.radius
+        points = starts + np.random.default_rng(0).uniform(-shift, shift, starts.shape)
+        found = np.zeros(len(trios), dtype=np.bool_)
+        _meet(self.sets, np.ascontiguousarray(trios), TUNING.meeting_rounds, points, found)
+        return points, found
+
+    def _triangles(self) -> list[tuple[int, int, int]]:
+        """Return three edges for each triangle of three sets with a common point."""
+        above = [{k for k in near if k > i} for i, near in enumerate(self.neighbors)]
+        trios = [(i, j, k) for i, j in self.edge_of for k in above[i] & above[j]]
+        if not trios:
+            return []
+        sides = [(self.edge_of[i, j], self.edge_of[i, k], self.edge_of[j, k]) for i, j, k in trios]
+        _, found = self._common(np.array(trios), self.points[np.array(sides)].mean(axis=1))
+        return [side for side, meets in zip(sides, found.tolist(), strict=True) if meets]
+
+    def parts(self) -> list[int]:
+        """Return for each edge its part of the classes of the cycles that it is on, a bit for each generator.
+
+        The class of a cycle is the sum of its edges' parts modulo 2; edges of a spanning forest have none.
+        """
+        parent = list(range(self.sets.amount))
+
+        def root(i: int) -> int:
+            while parent[i] != i:
+                parent[i] = parent[parent[i]]
+                i = parent[i]
+            return i
+
+        unit = [0] * len(self.edges)
+        count = 0
+        for e, (i, j) in enumerate(self.edges.tolist()):
+            if root(i) == root(j):
+                unit[e] = 1 << count
+                count += 1
+            parent[root(i)] = root(j)
+        rows = dict[int, int]()  # triangles as sums of edges, by the highest of them
+        for a, b, c in self.triangles:
+            mask = _reduced(unit[a] ^ unit[b] ^ unit[c], rows)
+            if mask:
+                rows[mask.bit_length() - 1] = mask
+        place = {bit: k for k, bit in enumerate(bit for bit in range(count) if bit not in rows)}
+        left = [_reduced(mask, rows) for mask in unit]
+        return [sum(1 << k for bit, k in place.items() if mask >> bit & 1) for mask in left]
+
+    def cycles(self) -> list[list[int]]:
+        """Return the sets along a basis of cycles, of few sets each, and short among those."""
+        parts = self.parts()
+        rank = max(map(int.bit_length, parts), default=0)
+        best = dict[int, tuple[int, float, list[int]]]()
+        for first in range(self.sets.amount if rank else 0):
+            chain, total = self._tree(first, parts)
+            for (i, j), e in self.edge_of.items():
+                if i not in chain or not (kind := total[i] ^ total[j] ^ parts[e]):
+                    continue
+                size = len(chain[i]) + len(chain[j]) - 1
+                if kind not in best or size <= best[kind][0]:
+                    cycle = [*chain[i], *chain[j][:0:-1]]
+                    known = best.get(kind, (size, np.inf, cycle))
+                    best[kind] = min(known, (size, self._length(cycle), cycle))
+        rows = dict[int, int]()
+        basis = []
+        for kind, (_, _, cycle) in sorted(best.items(), key=lambda item: item[1]):
+            mask = _reduced(kind, rows)
+            if mask:
+                rows[mask.bit_length() - 1] = mask
+                basis.append(cycle)
+        return basis
+
+    def _tree(self, first: int, parts: list[int]) -> tuple[dict[int, list[int]], dict[int, int]]:
+        """Return shortest chains from a set to all others, and the parts of classes along them."""
+        chain = {first: [first]}
+        total = {first: 0}
+        queue = deque([first])
+        while queue:
+            i = queue.popleft()
+            for j in self.neighbors[i]:
+                if j not in chain:
+                    chain[j] = [*chain[i], j]
+                    total[j] = total[i] ^ parts[self.edge_of[min(i, j), max(i, j)]]
+                    queue.append(j)
+        return chain, total
+
+    def corners(self, cycle: Sequence[int]) -> Array:
+        """Return the common points of the sets along a cycle, (k, 3) [m]: sides between them lie in one set each."""
+        around = zip(cycle, [*cycle[1:], cycle[0]], strict=True)
+        return self.points[[self.edge_of[min(pair), max(pair)] for pair in around]]
+
+    def _length(self, cycle: Sequence[int]) -> float:
+        corners = self.corners(cycle)
+        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum())
+
+
+def _reduced(mask: int, rows: dict[int, int]) -> int:
+    """Return a sum of edges modulo rows, each known by its highest edge."""
+    left = 0
+    while mask:
+        high = mask.bit_length() - 1
+        one = 1 << high if high not in rows else 0
+        left |= one
+        mask ^= one or rows[high]
+    return left
+
+
+def loops(collision: Collision) -> tuple[Component, ...]:
+    """Return the chains that paths in space can link with, as `Loop`, then every solid within reach on its own."""
+    obstacles = collision.world.obstacles
+    low, high = collision.extents()
+    radius = collision.footprint.radius
+    within = np.all((low - radius <= collision.world.upper) & (high + radius >= collision.world.lower), axis=1)
+    alone = [i for i in np.flatnonzero(within).tolist() if collision.first[i] == i]
+    solids = Solids.of([obstacles[i] for i in alone])
+    nerve = Nerve(Sets(solids, radius, collision.world.lower, collision.world.upper))
+    M = len(alone)
+    found = list[Component]()
+    for cycle in nerve.cycles():
+        corners = nerve.corners(cycle)
+        members = sorted(alone[i] for i in cycle if i < M)
+        outside = [WORKSPACE] if max(cycle) >= M else []
+        names = (*(obstacles[i].name for i in members), *outside)
+        found.append(
+            Loop(members=tuple(members), names=names, marker=corners[0], joins_border=bool(outside), corners=corners)
+        )
+    found.sort(key=lambda part: part.members)
+    edges = [{M + side for side in range(SIDES)} & {*nerve.neighbors[i]} for i in range(M)]
+    return (
+        *found,
+        *(
+            Component(members=(i,), names=(obstacles[i].name,), marker=None, joins_border=bool(edge))
+            for i, edge in zip(alone, edges, strict=True)
+        ),
+    )
