@@ -11,7 +11,7 @@ The joined model takes timestep and looks from the scene; gravity, contact model
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isnan
+from math import inf, isnan
 from pathlib import Path
 from typing import Any
 
@@ -105,9 +105,10 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         mujoco.mj_kinematics(model, data)
         mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
         faults.of(_refuse_actuators, model, len(robot.command))
-        met = obstacles.read_obstacles(model, data, mine, robot.span, faults)
-        solids = {geom: robot.meets(solid) for geom, solid in met.items()}
         adapter = robot.system.adapter
+        span = robot.span if adapter.dimension == 2 else (-inf, inf)
+        met = obstacles.read_obstacles(model, data, mine, span, faults)
+        solids = {geom: robot.meets(solid) for geom, solid in met.items()}
         borders = faults.of(obstacles.read_workspace, model, data, task.workspace, adapter.dimension)
         goal = faults.of(adapter.goal, model, data, site_of(model, "goal"), task.goal)
         start = faults.of(adapter.start, data, site_of(model, "start"), task.start)

@@ -1,17 +1,21 @@
 """States of robots: what the simulator must know of them, with one member for each kind of space.
 
-`StateAdapter` is the interface, `plane` its member for robots on the ground. Another member, such as one for robots in
-space, is a new file and a line in `ADAPTERS`.
+`StateAdapter` is the interface, `plane` its member for robots on the ground, `space` that for robots in space. Another
+member is a new file and a line in `ADAPTERS`.
 """
 
 from collections.abc import Sequence
 
 from sim.states.adapter import Component, Joints, StateAdapter
 from sim.states.plane import Plane
+from sim.states.space import Space
 
 __all__ = ["ADAPTERS", "Component", "Joints", "StateAdapter", "adapter_of", "forms_of"]
 
-ADAPTERS: tuple[type[StateAdapter], ...] = (Plane,)  # the first one's names are the default of tables and messages
+ADAPTERS: tuple[type[StateAdapter], ...] = (
+    Plane,
+    Space,
+)  # the first one's names are the default of tables and messages
 
 
 def adapter_of(states: Sequence[str]) -> StateAdapter:

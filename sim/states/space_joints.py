@@ -1,0 +1,42 @@
+"""Where a state in space sits in MuJoCo's coordinates: in slides along x, y and z, whose speeds may be states."""
+
+import mujoco
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from sim.states.adapter import StateAdapter
+
+
+class Slides:
+    """Translates states to slides along x, y and z."""
+
+    rolls = False
+
+    def __init__(self, states: StateAdapter) -> None:
+        self.names = states.pose
+        self.rates = states.velocities
+        self._speeds = [states.states.index(name) for name in states.velocities if name in states.states]
+
+    def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
+        """Place the robot at `state` (n,)."""
+        data.qpos[:] = state[:3]
+        data.qvel[:] = state[self._speeds] if self._speeds else 0.0
+
+    def read(self, data: mujoco.MjData, before: Array) -> Array:
+        """Return the state now, (n,)."""
+        state = before.copy()
+        state[:3] = data.qpos
+        state[self._speeds] = data.qvel[: len(self._speeds)]
+        return state
+
+
+def unfit(model: mujoco.MjModel, states: StateAdapter, system: str) -> str:
+    """Refuse a robot that moves by other joints than slides along x, y and z."""
+    slides = [mujoco.mjtJoint.mjJNT_SLIDE] * 3
+    if list(model.jnt_type) == slides and np.allclose(model.jnt_axis, np.eye(3)) and not np.any(model.qpos0):
+        return ""
+    raise SceneError(
+        f'body "robot" must have these joints, without ref, for the states ({", ".join(states.states)}) of {system}: '
+        "slide along x, slide along y, slide along z"
+    )
