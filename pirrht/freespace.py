@@ -4,42 +4,54 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.geometry.ball import Ball
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.disc import Disc
-from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted, margin_left
 from pirrht.geometry.hulls import HullCollision
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.passages import Passages, find_passages
+from pirrht.geometry.passages import NO_PASSAGES, Passages, find_passages
 from pirrht.geometry.polygon import Polygon
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.space import BLOCKED, FREE, UNSURE, Space, at_states
 from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.moving.obstacles import MovingObstacleArrays
-from pirrht.topology.choice import signature_of
+from pirrht.topology.choice import obstacles_of, signature_of
 from pirrht.topology.obstacles import Component, components, continued
 from pirrht.topology.signature import Signature
 
 
 class Member(NamedTuple):
-    """A kind of footprints."""
+    """A kind of robots."""
 
     collision: type[Collision]  # exact distances of (world, footprint)
-    static: Callable[[Scene, Sequence[int], Disc], Space]  # of obstacles that count; the field of the inscribed disc
+    field: Callable[[Collision, Sequence[int]], Any]  # clearances of the inscribed disc or ball from those that count
+    static: Callable[[Scene, Sequence[int], Any], Space]  # of obstacles that count, and that field
+
+
+def _disc(collision: Collision, members: Sequence[int]) -> Disc:
+    return Disc.over(build_field(collision, members))
 
 
 MEMBERS = {
-    "disc": Member(Collision, lambda scene, members, field: field),
-    "polygon": Member(HullCollision, lambda scene, members, field: Polygon.of(scene.world, scene.footprint, members)),
+    "disc": Member(Collision, _disc, lambda scene, members, field: field),
+    "polygon": Member(
+        HullCollision, _disc, lambda scene, members, field: Polygon.of(scene.world, scene.footprint, members)
+    ),
+    "ball": Member(Collision, Ball.of, lambda scene, members, field: field),
 }
+
+
+def _member(scene: Scene) -> Member:
+    return MEMBERS["ball" if scene.dimension == 3 else scene.footprint.kind]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,7 +63,7 @@ class FreeSpace:
 
     scene: Scene
     collision: Collision
-    field: Field
+    field: Any  # clearances of the inscribed disc, a `Field`, or of a ball
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
     homology: Signature  # about static and moving obstacles, with bases at 1 m/s
     static: Space  # where the footprint is free of static obstacles and border
@@ -62,12 +74,12 @@ class FreeSpace:
 
     @classmethod
     def of(cls, scene: Scene) -> FreeSpace:
-        """Examine a scene; the markers of its encircled obstacles, (M, 2) [m], become those of `homology`.
+        """Examine a scene; the markers of its encircled obstacles, (M, d) [m], become those of `homology`.
 
         SceneError: the start or all of the goal is in collision, or the workspace is too large for the robot.
         """
         scene, collision = _checked(replace(scene, waivers=scene.narrow))
-        parts = components(collision)
+        parts = obstacles_of(collision)
         return cls._of(scene, collision, parts, tuple(part for part in parts if part.marker is not None))
 
     def updated(self, scene: Scene) -> FreeSpace:
@@ -87,9 +99,10 @@ class FreeSpace:
         named: int | None = None,
     ) -> FreeSpace:  # fmt: skip
         try:
-            members = sorted(i for part in parts for i in part.members)
-            field = Disc.over(build_field(collision, members))
-            static = MEMBERS[scene.footprint.kind].static(scene, members, field)
+            members = sorted({i for part in parts for i in part.members})
+            member = _member(scene)
+            field = member.field(collision, members)
+            static = member.static(scene, members, field)
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
         homology = signature_of(scene, encircled, named)
@@ -126,13 +139,17 @@ class FreeSpace:
         """Take the snapshot of what is free at (x, t), lengths in [m]."""
         return World.of(self.static, self.scene.goal, self.moving)
 
-    def free(self, x: Array, reads: tuple[int, ...] = (0, 1)) -> bool:
-        """Return whether the robot may be at a state x (n,), whose position, and heading if known, lie at indices."""
+    def free(self, x: Array, reads: tuple[int, ...] | None = None) -> bool:
+        """Return whether the robot may be at a state x (n,), whose position, and heading if known, lie at indices.
+
+        None: the position comes first, and there is no heading.
+        """
+        reads = reads or tuple(range(self.scene.dimension))
         status = at_states(self.static.kernels, reads).certify(self.static, x)
         return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, list(reads)])[0]))
 
     def segments_free(self, points: Array) -> bool:
-        """Return whether the line through points (k, 2) [m], headed along it, is free; FCL judges what is in doubt."""
+        """Return whether the line through points (k, d) [m], headed along it, is free; FCL judges what is in doubt."""
         piece, tails, heads = self.static.kernels.certify_piece, points[:-1], points[1:]
         ends = zip(tails.tolist(), heads.tolist(), strict=True)
         verdicts = np.array([piece(self.static, tuple(a), tuple(b), True) for a, b in ends], dtype=int)
@@ -140,19 +157,19 @@ class FreeSpace:
         return bool(np.all(verdicts != BLOCKED) and np.all(self.collision.segments_free(tails[unsure], heads[unsure])))
 
     def in_goal(self, x: Array) -> bool:
-        """Return whether the position (2,) [m] of a state x (n,) lies in the goal."""
-        return bool(self.scene.goal.contains(x[:2]))
+        """Return whether the position (d,) [m] of a state x (n,) lies in the goal."""
+        return bool(self.scene.goal.contains(x[: self.scene.dimension]))
 
     def passages(self) -> Passages:
-        """Find the places where obstacles face each other with clearance for the robot between."""
-        return find_passages(self.field, self.collision)
+        """Find the places where obstacles face each other with clearance for the robot between; none in space."""
+        return find_passages(self.field, self.collision) if self.scene.dimension == 2 else NO_PASSAGES
 
     def margin_left(self, x: Array) -> float | None:
         """Return a margin [m] that leaves a path from a state x (n,) to the goal, 0 for none, where this one does not.
 
         None: this one does, or a grid cannot tell. Only static obstacles count.
         """
-        return margin_left(self.scene, self.collision, x[:2])
+        return margin_left(self.scene, self.collision, x[: self.scene.dimension])
 
     def clearance(self, x: Array) -> float:
         """Return the exact clearance at a state or pose x: x, y [m] and, for a polygon, the heading [rad]; in [m]."""
@@ -161,8 +178,8 @@ class FreeSpace:
 
 
 def collision_of(scene: Scene) -> Collision:
-    """Make the collision checker of a scene's footprint: of a disc, or of a polygon that turns with the heading."""
-    return MEMBERS[scene.footprint.kind].collision(scene.world, scene.footprint)
+    """Make the collision checker of a scene's robot: a disc, a polygon that turns with the heading, or a ball."""
+    return _member(scene).collision(scene.world, scene.footprint)
 
 
 def moving_of(scene: Scene) -> Moving:

@@ -69,6 +69,13 @@ class Passages:
         ]
 
 
+# In space there are none.
+NO_PASSAGES = Passages(
+    place=np.empty((0, 2)), heading=np.empty(0), width=np.empty(0), axis=np.empty((0, 3)), extent=np.empty(0),
+    opening=np.empty(0),
+)  # fmt: skip
+
+
 def _side(tails: Array, heads: Array, points: Array) -> Array:
     """Return on which side of lines 2 x (k, 2) points (l, 2) lie: (k, l), positive to the left [m^2]."""
     along = heads - tails

@@ -18,10 +18,11 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.certify import certificates
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.disc import enter_goal, first_met, may_meet
+from pirrht.geometry.disc import enter_goal
 from pirrht.geometry.disc import rim as planar_rim
 from pirrht.geometry.field import Field, border, closest, interpolate, with_slope
 from pirrht.geometry.footprint import Footprint, cover, depths
+from pirrht.geometry.round import first_met, may_meet
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.space import BLOCKED, COLLISION, FREE, GOAL, INSIDE, NEVER, UNSURE, SpaceKernels
 from pirrht.geometry.tuning import TUNING
@@ -562,8 +563,8 @@ def bridge(world, pose, moved, before, after, cov, weighed, state, line=False): 
         state, wall_time, lasting = _meet_walls(world.static, before, after, c0, c1, cov, weighed, state)
     planar = (cov[0], cov[1], cov[3])
     if may_meet(g0, g1, FAR * (cov[0] + cov[3])):
-        step = (pose[0], pose[1], moved[0], moved[1])
-        state, goal_time = enter_goal(world, step, g0, g1, planar, line, state)
+        here, there = (pose[0], pose[1]), (moved[0], moved[1])
+        state, goal_time = enter_goal(world, here, there, g0, g1, planar, line, state)
     return first_met(state, wall_time, goal_time, lasting)
 
 

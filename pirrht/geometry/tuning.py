@@ -13,6 +13,8 @@ class GeometryTuning(NamedTuple):
     sharp: float = 4.0  # changes of walls nearer than so many robot radii are refined, as proposals lean on both walls
     nothing: float = 1e6  # clearance where there are no obstacles at all [m]: more than any workspace
     dense_points: int = 4_000_000  # up to so many points one grid holds them all: quicker to read than blocks
+    least_cells: float = 4.0  # spacings in a ball's radius, at least: in space a grid gives away 1/36 of it at walls
+    slab_points: int = 400_000  # of a grid in space that are sampled together: memory against calls
     single_cells: float = 2.0**17  # spacings from the origin at which single precision is too coarse for paths
     table_places: int = 32_000_000  # places of the largest table of blocks: 4 bytes each
     block_points: int = 24_000_000  # points of all blocks: 12 bytes and about a quarter of a microsecond each
