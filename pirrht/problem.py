@@ -13,6 +13,8 @@ from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics
 
+STRIDES = (0.7548776662, 0.5698402910, 0.4301597090)  # of places that fill a workspace evenly, by axis
+
 
 @jitable
 def unit_rate(x, p):  # type: ignore[no-untyped-def]
@@ -64,7 +66,7 @@ class Problem:
     def __post_init__(self) -> None:
         for fault in _faults(self.dynamics):
             raise OptionError(f"{type(self.dynamics).__name__}: {fault}")
-        self._require_heading()
+        self._require_fit()
         m = self.dynamics.m
         shape = np.shape(self.control_cost(self.dynamics.state_of(self.scene.start)))
         if shape != (m, m):
@@ -81,8 +83,14 @@ class Problem:
             raise OptionError(f"the final cost phi is {self.phi:g}; it must be 0 or more (infinity is allowed)")
         object.__setattr__(self, "temperature", self._temperature())
 
-    def _require_heading(self) -> None:
-        """Refuse a footprint that turns where the system has no heading, or obstacles move."""
+    def _require_fit(self) -> None:
+        """Refuse a system of another space than the scene, and a footprint that turns where it has no heading."""
+        where = {2: "in the plane", 3: "in space"}
+        if len(self.dynamics.position) != self.scene.dimension:
+            raise OptionError(
+                f"{type(self.dynamics).__name__} moves {where[len(self.dynamics.position)]}, and the scene "
+                f"{formatting.name(self.scene.name)} is {where[self.scene.dimension]}; choose a system of that space"
+            )
         if not self.scene.footprint.is_disc and self.dynamics.heading is None:
             raise OptionError(
                 f"{self.scene.footprint} turns, and {type(self.dynamics).__name__} has no heading among its states "
@@ -150,7 +158,7 @@ class Problem:
         lower, upper = self.dynamics.box(self.scene)
         fraction = np.tile(np.linspace(0.0, 1.0, count)[:, None], self.dynamics.n)
         fraction[:, list(self.dynamics.position)] = (
-            np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])
+            np.arange(1, count + 1)[:, None] * np.array(STRIDES[: len(self.dynamics.position)])
         ) % 1.0
         return list(lower + fraction * (upper - lower))
 

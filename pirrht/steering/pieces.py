@@ -18,6 +18,7 @@ from pirrht.geometry.space import SpaceKernels
 from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.steering.straight_line import StraightLine, Tracked
+from pirrht.steering.tuning import TUNING
 from pirrht.topology.signature import SignatureKernels
 
 
@@ -119,6 +120,10 @@ def _kernels(around: Surroundings) -> MotionKernels:
 PIECES = MotionKind(_kernels, _free, _trajectory)
 
 
+STEPS = np.arange(TUNING.fan + 1) / TUNING.fan
+SHARES = np.array([(s * (1.0 - t), s * t) for s in STEPS for t in STEPS])  # of both sides of a triangle
+
+
 class InSpace:
     """What lines in space do otherwise than those in the plane."""
 
@@ -150,8 +155,23 @@ class InSpace:
         return drawn
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
-        """Return no places (0, 3) that a tree draws first."""
-        return np.empty((0, D))
+        """Return places (l, 3) [m] that a tree draws first: where each loop of obstacles leaves most room, and around.
+
+        Random draws hardly find a window that is little larger than the robot.
+        """
+        found = [np.empty((0, D))]
+        for loop in space.homology.static.loops:  # type: ignore[attr-defined]  # classes in space are about loops
+            middle = loop.mean(axis=0)
+            sides = zip(loop, np.roll(loop, -1, axis=0), strict=True)
+            fan = np.vstack([middle + SHARES @ np.array([one - middle, other - middle]) for one, other in sides])
+            inside = np.all((fan > space.scene.lower) & (fan < space.scene.upper), axis=1)
+            if not inside.any():
+                continue
+            widest = fan[inside][np.argmax(space.collision.clearance(fan[inside]))]
+            normal = np.linalg.svd(loop - middle)[2][-1]
+            around = widest + space.scene.robot_radius * np.outer(TUNING.loop_places, normal)
+            found.append(around[[space.free(place) for place in around]])
+        return np.vstack(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

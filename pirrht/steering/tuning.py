@@ -34,6 +34,10 @@ class SteeringTuning(NamedTuple):
     uniform_share: float = 0.2
     # Excess of cost that half of the other draws stay below, as a share of the unhindered cost.
     excess: float = 0.5
+    # Where loops of obstacles in space are flown through: places on either side of the widest [robot radii], which is
+    # looked for at so many steps along each side of the triangles that span the loop.
+    loop_places: tuple[float, ...] = (0.0, 1.0, -1.0, 2.0, -2.0)
+    fan: int = 12
     # Where passages are driven through in space and time: shares of the clearance to either side, places along [robot
     # radii], and speeds on the way there [best speeds].
     passage_offsets: tuple[float, ...] = (0.0, -0.9, 0.9, -0.5, 0.5)
