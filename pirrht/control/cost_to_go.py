@@ -18,8 +18,8 @@ from pirrht.control.settings import TUNING
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.blocks import lattice
-from pirrht.geometry.field import clearances
 from pirrht.geometry.scene import Goal
+from pirrht.geometry.space import clearances_of
 from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 from pirrht.traits import Traits
@@ -51,7 +51,7 @@ def shortest_paths(space: FreeSpace) -> Remaining:
     shape = points.shape[:2]
     free = np.empty(math.prod(shape))
     away = np.hypot(*np.moveaxis(points - scene.goal.center, -1, 0)) - scene.goal.radius
-    clearances(space.field, points.reshape(-1, 2), free)
+    clearances_of(space.field.kernels)(space.field, points.reshape(-1, 2), free)
     passable = free.reshape(shape) > -0.5 * spacing  # so that no passage falls between the points
     known = passable & (away < 2.0 * spacing)
     length = np.pad(np.where(known, away, np.inf), 1, constant_values=np.inf)

@@ -23,12 +23,13 @@ from pirrht.control.settings import TUNING as CONTROL
 from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
-from pirrht.exact.grid import TUNING, Progress, frame_at, ignore_progress
+from pirrht.exact.grid import TUNING, Progress, ignore_progress
 from pirrht.exact.paths import Process, walker
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.space import COLLISION, GOAL, at_states
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
+from pirrht.systems.ball import Ball
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
@@ -51,6 +52,7 @@ class Solver(Protocol):
 
 # By dynamics: the modules that solve in continuous time, with a step, and among moving obstacles (None: none does).
 SOLVERS: dict[type[Dynamics], tuple[str | None, ...]] = {
+    Ball: ("ball", None, None),
     SingleIntegrator: ("point", "discrete_point", "moving_point"),
     Unicycle: ("car", "car", None),
 }
@@ -61,8 +63,9 @@ def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
     d, moves = problem.dynamics, bool(space.scene.movers)
     which = 2 if moves else int(dt is not None)
     solvers = {kind: modules[which] for kind, modules in SOLVERS.items() if modules[which]}
-    # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
-    found = next((one for kind, one in solvers.items() if isinstance(d, kind) and d.drift is kind.drift), None)
+    # A subclass with a drift or a position of its own is another system: what solves its parent knows nothing of it.
+    alike = (one for one in solvers if isinstance(d, one) and (d.drift, d.position) == (one.drift, one.position))
+    found = solvers.get(next(alike, None))  # type: ignore[arg-type]
     traits = Traits.of(problem)
     if found is None or traits.input_form or not (traits.constant_blocks and traits.constant_rate):
         known = " or ".join(kind.__name__ for kind in solvers)
@@ -209,7 +212,7 @@ class Desirability:
         x0 = np.append(x, t).astype(float)
 
         process = Process(
-            static=self.space.static, frame=frame_at(np.zeros(2), self.spacing, self.space.scene.goal),
+            static=self.space.static, goal=self.space.world.goal, radius=self.space.world.radius,
             parameters=np.asarray(d.parameters, dtype=float), rate=d.G_c(x0[:-1]) @ self.gain, B=d.B_c(x0[:-1]),
             wall=self.problem.phi / self.problem.temperature, step=step,
             shortest=TUNING.shortest_path_step if margin is None else step, margin=margin or 0.0, gap=self.gap,
@@ -219,7 +222,7 @@ class Desirability:
         ends = np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
         states = at_states(self.space.static.kernels, d.reads(self.space.static.kernels.turns))
-        walk = walker(self.evaluate, d.drift, how, self.moves, states, homology.table.kernels)
+        walk = walker(self.evaluate, d.drift, how, self.moves, states, homology.table.kernels, len(d.position))
         walk(self.grid, process, homology.table, x0, seed, turns, ends, outcome)
         return homology, turns, ends, outcome
 

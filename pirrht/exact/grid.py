@@ -10,8 +10,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.field import clearances
 from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.space import clearances_of
 from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 
@@ -98,10 +98,11 @@ class Domain:
     @classmethod
     def of(cls, space: FreeSpace) -> "Domain":
         """Take the domain of a scene; its clearance is the field's with the border, near obstacles FCL's [m]."""
+        of_field = clearances_of(space.field.kernels)
 
         def at(points: Array) -> Array:
             out = np.empty(len(points))
-            clearances(space.field, np.ascontiguousarray(points), out)
+            of_field(space.field, np.ascontiguousarray(points), out)
             close = np.flatnonzero(out < TUNING.fcl_band)
             out[close] = space.collision.clearance(points[close])
             return out
@@ -111,7 +112,7 @@ class Domain:
 
 
 class Equation(NamedTuple):
-    """Numbers of psi's equation for a point in the plane."""
+    """Numbers of psi's equation for a point."""
 
     b: float  # noise [m/sqrt(s)]
     rate: float  # q/lambda [nats/s]
@@ -122,7 +123,7 @@ class Equation(NamedTuple):
     def of(cls, problem: Problem) -> "Equation":
         """Take the numbers of a point with constant noise and constant q."""
         assert not callable(problem.q)
-        b = float(problem.dynamics.B_c(np.zeros(2))[0, 0])
+        b = float(problem.dynamics.B_c(np.zeros(problem.dynamics.n))[0, 0])
         rate = problem.q / problem.temperature
 
         return cls(b, rate, problem.phi / problem.temperature, math.sqrt(2.0 * rate) / b)
@@ -176,10 +177,12 @@ def in_goal(frame, x):  # type: ignore[no-untyped-def]
 def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> float:
     """Return a spacing [m]; OptionError with reason and remedy if the workspace has too many points at it."""
     size = (scene.upper - scene.lower) / spacing
-    if np.prod(size) > TUNING.most_points:
+    most = TUNING.most_points if len(size) == 2 else TUNING.ball_points
+    if np.prod(size) > most:
+        needed = " x ".join(f"{count:.0f}" for count in size)
         raise OptionError(
-            f"{reason}, so the grid needs {size[0]:.0f} x {size[1]:.0f} points and can have {TUNING.most_points:,}; "
-            f"choose more noise{remedy} or a smaller workspace"
+            f"{reason}, so the grid needs {needed} points and can have {most:,}; choose more noise{remedy} or a "
+            "smaller workspace"
         )
     return spacing
 

@@ -16,9 +16,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.held import NEAR_WALL, THROW
 from pirrht.exact.boundaries import clearance_at, poses_at
-from pirrht.exact.grid import TUNING, Frame, in_goal
+from pirrht.exact.grid import TUNING
 from pirrht.geometry.space import COLLISION, GOAL, INSIDE, StateKernels
-from pirrht.jit.jit import as_jitable, kernel
+from pirrht.jit.jit import as_jitable, inlined, kernel
 from pirrht.jit.streams import normals, stream, uniform
 from pirrht.topology.signature import SignatureKernels
 
@@ -27,7 +27,8 @@ class Process(NamedTuple):
     """The controlled process, and steps of paths of it."""
 
     static: Any  # free space of the footprint, unused among moving obstacles
-    frame: Frame  # of the goal's disc
+    goal: tuple[float, ...]  # its centre (d,) [m]
+    radius: float  # of its disc or ball [m]
     parameters: Array  # (k,) that the drift reads
     rate: Array  # lambda G_c R^-1 G_c', (m, m) [state/s per nats/state]
     B: Array  # B_c, (m, m) [state/sqrt(s)]
@@ -40,16 +41,29 @@ class Process(NamedTuple):
 
 @cache
 def walker(
-    evaluate: Any, drift: Callable[..., None], how: str, moves: bool, states: StateKernels, classes: SignatureKernels
+    evaluate: Any, drift: Callable[..., None], how: str, moves: bool, states: StateKernels, classes: SignatureKernels,
+    position: int = 2,
 ) -> Any:  # fmt: skip
     """Build the kernel (grid, `Process`, table, x0, seed, turns, x, outcome) that draws paths.
 
     Turns (S, M) [turns], zeros before, are about the obstacles of a signature with kernels `classes` and a `table`;
     x (S, n + 1) and outcomes (S,) are ends of paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s];
-    `how` is continuous, stepwise or held; `states` are the footprint's at states of the system.
+    `how` is continuous, stepwise or held; `states` are the footprint's at states of the system, which begin with a
+    position of so many numbers.
     """
-    move, clearance = as_jitable(drift), states.clearance
+    move, clearance, d = as_jitable(drift), states.clearance, position
     add_turns = classes.turns
+
+    timed = inlined(lambda x: (x[0], x[1], x[-1]))
+    if d == 3:
+        timed = inlined(lambda x: (x[0], x[1], x[2], x[-1]))
+
+    @kernel
+    def length(a):  # type: ignore[no-untyped-def]
+        total = 0.0
+        for k in range(d):
+            total = math.hypot(total, a[k])
+        return total
 
     @kernel
     def clear(grid, process, x):  # type: ignore[no-untyped-def]
@@ -61,7 +75,10 @@ def walker(
     def end(grid, process, x):  # type: ignore[no-untyped-def]
         if clear(grid, process, x) <= -process.margin:
             return COLLISION
-        return GOAL if in_goal(process.frame, x) else INSIDE
+        square = 0.0
+        for k in range(d):
+            square += (x[k] - process.goal[k]) ** 2
+        return GOAL if square <= process.radius * process.radius else INSIDE
 
     @kernel
     def continuous(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
@@ -116,21 +133,21 @@ def walker(
     @kernel
     def direction(grid, process, x, c, away):  # type: ignore[no-untyped-def]
         y = x.copy()
-        for k in range(2):
+        for k in range(d):
             y[k] += process.gap
             away[k] = (clear(grid, process, y) - c) / process.gap
             y[k] = x[k]
-        away /= max(math.hypot(away[0], away[1]), 0.1)
+        away /= max(length(away), 0.1)
         return away
 
     @kernel
     def held(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
         y = x.copy()
-        away = np.zeros(2)
+        away = np.zeros(d)
         deviation = process.B[0, 0] * math.sqrt(process.step)
 
         if moves:  # walls are judged where the step ends
-            y[2] += process.step
+            y[d] += process.step
         c = clear(grid, process, y)
         near = c < NEAR_WALL * deviation
         if near:
@@ -139,25 +156,25 @@ def walker(
             for _ in range(4):  # within the margin; a second wall may be near
                 if into > 0.0:
                     break
-                y[:2] += (process.gap - into) * back
+                y[:d] += (process.gap - into) * back
                 into = clear(grid, process, y)
-                back = direction(grid, process, y, into, np.zeros(2))
+                back = direction(grid, process, y, into, np.zeros(d))
         evaluate(grid, y, slope)
-        move(x[:2], process.parameters, f)
+        move(x[:d], process.parameters, f)
         ahead = (f + process.rate @ slope) * process.step
         if near:
             thrown = away @ ahead
             along = ahead - thrown * away
-            along *= min(1.0, THROW * deviation / max(math.hypot(along[0], along[1]), 1e-12))
+            along *= min(1.0, THROW * deviation / max(length(along), 1e-12))
             most = min(THROW * deviation, thrown)
-            y[:2] = x[:2] + most * away
+            y[:d] = x[:d] + most * away
             if thrown > 0.0:
                 most = min(most, max(0.5 * (clear(grid, process, y) + most - c), 0.0))  # half of the way through a gap
             ahead = along + most * away
-        for k in range(2):
+        for k in range(d):
             state, z, _ = normals(state)
             x[k] += ahead[k] + deviation * z
-        x[2] += process.step
+        x[d] += process.step
         return state
 
     advance = {"continuous": continuous, "stepwise": stepwise, "held": held}[how]
@@ -174,10 +191,9 @@ def walker(
             for _ in range(TUNING.path_steps):
                 if outcome[s] != INSIDE:
                     break
-                ax, ay = x[0], x[1]
-                at = x[-1]
+                before = timed(x)
                 state = advance(grid, process, x, slope, f, state)
-                add_turns(table, (ax, ay, at), (x[0], x[1], x[-1]), turns[s])
+                add_turns(table, before, timed(x), turns[s])
                 outcome[s] = end(grid, process, x)
             ends[s] = x
 

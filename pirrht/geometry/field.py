@@ -189,13 +189,6 @@ def clearance(field, x, y):  # type: ignore[no-untyped-def]
     return edge if edge <= 0.0 else min(edge, interpolate(field, field.nearest, x, y))
 
 
-@kernel
-def clearances(field, points, out):  # type: ignore[no-untyped-def]
-    """Write the clearance at points (k, 2) to out (k,) [m]."""
-    for k in range(len(points)):
-        out[k] = clearance(field, points[k, 0], points[k, 1])
-
-
 @inlined
 def two_walls(field, x, y):  # type: ignore[no-untyped-def]
     """Return the two nearest walls at (x, y) [m], border included: distance [m] and unit vector away from it, each."""

@@ -24,7 +24,7 @@ from functools import cache
 from typing import Any, NamedTuple, Protocol
 
 from pirrht.geometry.tuning import TUNING
-from pirrht.jit.jit import inlined, part
+from pirrht.jit.jit import as_tuple, inlined, kernel, part
 from pirrht.outcome import Outcome
 
 FREE, UNSURE, BLOCKED = 1, 0, -1
@@ -123,3 +123,16 @@ def at_states(kernels: SpaceKernels, reads: tuple[int, ...]) -> StateKernels:
         inlined(lambda static, x: clearance_of(static, pose(x))),
         inlined(lambda static, x: certify_of(static, pose(x))),
     )
+
+
+@cache
+def clearances_of(space: SpaceKernels) -> Any:
+    """Build the kernel (static, points (k, d), out (k,)) that writes clearances [m]."""
+    clearance, d = space.clearance, space.position
+
+    @kernel
+    def clearances(static, points, out):  # type: ignore[no-untyped-def]
+        for k in range(len(points)):
+            out[k] = clearance(static, as_tuple(points[k], d))
+
+    return clearances

@@ -10,9 +10,9 @@ from trees import grown
 
 from pirrht import FreeSpace, Goal, Scene, SceneError, StraightLine
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import clearances
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Waiver
+from pirrht.geometry.space import clearances_of
 
 RADIUS = 0.1
 
@@ -130,7 +130,7 @@ def test_clearance_with_a_waiver_changes_no_faster_than_places_do_and_the_field_
     counts = np.minimum(here, there) > -0.05  # in obstacles clearance is one number
     assert np.all((np.abs(here - there) <= np.hypot(*(around - near).T) + 1e-9)[counts])
     sampled = np.empty(len(around))
-    clearances(space.field, around, sampled)
+    clearances_of(space.field.kernels)(space.field, around, sampled)
     free = here > 0.0
     assert np.all(sampled[free] <= here[free] + 1e-6)
     assert np.median(here[free] - sampled[free]) < 0.02
