@@ -221,12 +221,12 @@ SYSTEMS = (  # an `urge` of v'v, where R = 2, asks for the speed v of the settin
     System(
         name="ball", dynamics=_dynamics("ball:Ball"), steering=_steering("pieces:SpaceLine"), R=2.0 * np.eye(3),
         states=("x", "y", "z"), urge=lambda s: s.speed**2, twists=3, heeds=("noise", "speed"), robots=("ball",),
-        defaults={"noise": 0.35, "samples": 300, "period": 0.05}, paper_samples=300, noise_in="m/sqrt(s)",
+        defaults={"noise": 0.35, "samples": 300, "period": 0.05, "limit": 1.0}, paper_samples=300, noise_in="m/sqrt(s)",
     ),
     System(  # its paths have a speed of their own
         name="drone", dynamics=_dynamics("drone:Drone"), steering=_steering("pieces:TrackedInSpace"),
         R=2.0 * np.eye(3), states=("x", "y", "z", "vx", "vy", "vz"), twists=3, robots=("drone",),
-        defaults={"noise": 0.3, "samples": 300, "period": 0.05}, paper_samples=300,
+        defaults={"noise": 0.3, "samples": 300, "period": 0.05, "limit": 1.0}, paper_samples=300,
         own=("noise", "vertices", "samples", "dt", "period"), noise_in="m/s/sqrt(s)",
     ),
 )  # fmt: skip

@@ -133,7 +133,7 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
             say(f"--{name.replace('_', '-')} changes nothing here: nothing moves in this scene")
     say("\n".join(scenario.loaded.notes))
     scene, moved = scenario.loaded.scene, deviation(scenario.problem, 1.0)
-    if moved > (width := float(np.hypot(*(scene.upper - scene.lower)))):
+    if moved > (width := float(np.hypot.reduce(scene.upper - scene.lower))):
         say(f"noise alone moves the robot by {moved:.3g} m in a second, more than the {width:.3g} m of the workspace: "
             f"is --noise {scenario.settings.noise:g} in {scenario.system.noise_in or 'its unit'}?")  # fmt: skip
     given.update(options.completed(command, given, scene.defaults))

@@ -14,9 +14,9 @@ SPARE = "a wall"  # name of a solid of the border that has none of its own
 def names_of(loaded: Loaded, space: FreeSpace) -> tuple[str, ...]:
     """Name each topological obstacle that paths can turn about: as the solid that its marker lies in."""
     solids = names_of_solids(loaded, space.obstacles)
-    places = np.array([obstacle.position[:2] for obstacle in space.scene.obstacles])
+    places = np.array([obstacle.position[: space.scene.dimension] for obstacle in space.scene.obstacles])
     pairs = zip(space.obstacles, space.homology.markers, strict=True)
-    nearest = (min(part.members, key=lambda i: float(np.hypot(*(places[i] - at)))) for part, at in pairs)
+    nearest = (min(part.members, key=lambda i: float(np.hypot.reduce(places[i] - at))) for part, at in pairs)
     return tuple(solids[i] for i in nearest)
 
 

@@ -198,7 +198,7 @@ class Following:
         self._back = min(max(0.3 * extent, 6.0 * scene.robot_radius), 12.0 * scene.robot_radius)
         self._place = np.array(start, dtype=float)
         towards = scene.goal.center - self._place
-        self._eye = self._place - self._back * towards / max(float(np.hypot(*towards)), 1e-9)
+        self._eye = self._place - self._back * towards / max(float(np.hypot.reduce(towards)), 1e-9)
 
     def poses(self, points: Array, durations: Array) -> Array:
         """Places [m] and quaternions, w last, (k, 7), as the robot is at points (k, 2) [m] for durations [s]."""
@@ -208,7 +208,7 @@ class Following:
         for k, (point, dt) in enumerate(zip(points, durations, strict=True)):
             self._place = self._place + (1.0 - exp(-float(dt) / DELAY)) * (point - self._place)
             rope = self._place - self._eye
-            self._eye = self._eye + max(0.0, 1.0 - self._back / max(float(np.hypot(*rope)), 1e-9)) * rope
+            self._eye = self._eye + max(0.0, 1.0 - self._back / max(float(np.hypot.reduce(rope)), 1e-9)) * rope
             eyes[k], ahead[k] = self._eye, self._place - self._eye
         # A camera's axes are x right, y down, z ahead: turned to its course, then down to the robot.
         course = np.arctan2(ahead[:, 1], ahead[:, 0])
