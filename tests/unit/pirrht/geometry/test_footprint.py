@@ -265,8 +265,11 @@ def test_a_polygon_needs_a_heading_and_free_room_at_the_start_for_that_heading()
         Problem(scene=Scene.from_boxes([], start=(0.6, 1.4), **room), dynamics=SingleIntegrator(b=0.1), R=np.eye(2))
     wall = [[0.0, 0.0, 4.0, 1.0]]
     assert FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 0.0), **room)).static.kernels.turns
-    with pytest.raises(SceneError, match="at its heading"):
-        FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 1.5), **room))
+    for pose, share in ((1.0, 1.3, 1.5), 72.6), ((1.0, 1.199, 0.0), 99.4), ((1.0, 1.1999999, 0.0), 99.9):
+        with pytest.raises(SceneError, match=f"at its heading .* of at most {share} % of its size"):
+            FreeSpace.of(Scene.from_boxes(wall, start=pose, **room))
+        fits = replace(CART, corners=tuple((share / 100.0 * x, share / 100.0 * y) for x, y in CART.corners))
+        FreeSpace.of(Scene.from_boxes(wall, start=pose, **{**room, "footprint": fits}))
 
 
 def test_noise_of_the_heading_moves_corners_and_a_plan_begins_off_the_wall_by_what_it_wants():
