@@ -4,6 +4,8 @@ import re
 from importlib import import_module
 from operator import attrgetter
 
+import pirrht
+from pirrht import errors
 from repository import ROOT
 
 TABLE = (ROOT / "docs" / "equations.md").read_text()
@@ -28,6 +30,14 @@ def test_every_row_has_a_home():
     rows = [row for row in TABLE.splitlines() if row.startswith("| ") and not row.startswith("| what")]
     assert len(rows) > 50
     assert all(re.search(r"`[a-z_.0-9]+:[\w.]+`", row) or "*Twice by need*" in row for row in rows)
+
+
+def test_the_page_of_the_api_has_every_public_name():
+    listed = re.findall(r"^::: pirrht\.(\S+)$", (ROOT / "docs" / "api.md").read_text(), re.M)
+    assert {*pirrht.__all__} <= {one.rpartition(".")[2] for one in listed} | {*dir(errors)}
+    for home in listed:
+        module, _, name = home.rpartition(".")
+        assert hasattr(import_module(f"pirrht.{module}".rstrip(".")), name), home
 
 
 # -- architecture --------------------------------------------------------------------------------------------------

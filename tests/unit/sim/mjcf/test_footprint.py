@@ -41,7 +41,7 @@ def test_a_footprint_is_length_by_width_around_a_point_ahead_or_a_preset(text, c
 @pytest.mark.parametrize(
     ("options", "words"),
     [({"footprint": "1x"}, "must be LENGTHxWIDTH"), ({"footprint": "jackl"}, "did you mean jackal"),
-     ({"footprint": "1x0.4@0.7"}, "1x0.4@0.7: the reference point"), ({"footprint": "0x1"}, "0x1: "),
+     ({"footprint": "1x0.4@0.7"}, "1x0.4@0.7: the offset is 0.7 m, which puts the ref"), ({"footprint": "0x1"}, "0x1: "),
      ({"footprint": CART, "radius": 0.2}, "leave one of them out"),
      ({"footprint": CART, "robot": "puck"}, "needs a heading, and puck has none"),
      ({"footprint": "jackal", "robot": "hover"}, "needs a heading, and hover has none")],
