@@ -311,7 +311,7 @@ def plan_of(
         state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()), estimate=estimate,
         replay=integral.replay, fallback=None, law=law, classes=batch.named, time=run.clock.time, push=push,
         shares=None if mixture is None else mixture.weights(x, 0.0), followed=shares.followed, space=integral.space,
-        movers=run.route.movers,
+        dynamics=integral.problem.dynamics, movers=run.route.movers,
     )  # fmt: skip
     run.plan()
     if run.route.prediction is not None:

@@ -263,7 +263,7 @@ class HullCollision(Collision):
             fits = bisect_left(range(1, 1001), True, key=lambda k: not self._free_scaled(scene.start, k / 1000.0))
             raise SceneError(
                 f"{scene.name}: the start ({x:g}, {y:g}) is in collision at its heading of {heading:g} rad for "
-                f"{scene.body}; move or turn it, or choose a smaller footprint, of at most {fits / 10.0:g} % of its size"
+                f"{scene.body}; move or turn it, or choose a footprint of at most {fits / 10.0:g} % of its size"
             )
         disc = TUNING.turning_reach * scene.footprint.reach
         return replace(scene, waivers=(*scene.waivers, Waiver(x, y, disc, scene.margin - 0.5 * body)))

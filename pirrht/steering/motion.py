@@ -63,6 +63,7 @@ class Trajectory:
     cost: float  # steering cost [cost]
     length: float  # [m]
     slack: float | None = None  # where controls are not known but only the path: time to get under way at most [s]
+    between: Any = None  # kernel of its motions, as in `MotionKernels`
 
     def __repr__(self) -> str:
         seconds = float(self.durations.sum())
@@ -73,6 +74,18 @@ class Trajectory:
         """The path as a polyline (k, 2), for pictures [m]; points on arcs are SPACING apart."""
         lines = self.path.points(SPACING)
         return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
+
+    def poses(self, count: int) -> Array:
+        """Poses at equal distances along the path, (count, 3) [m, m, rad], for pictures; none of vertices without."""
+        poses = np.empty((count, 3))
+        if self.between is None or self.path.tails.shape[1] != 3:
+            return poses[:0]
+        passed = np.append(0.0, np.cumsum(self.path.length.sum(axis=1)))
+        for pose, at in zip(poses, np.linspace(0.0, passed[-1], count), strict=True):
+            i = min(int(np.searchsorted(passed, at, side="right")) - 1, len(self.path.tails) - 1)
+            if not self.between(self.path, i, (at - passed[i]) / max(passed[i + 1] - passed[i], 1e-9), pose):
+                return poses[:0]
+        return poses
 
     def faster(self, times: float) -> "Trajectory":
         """Drive the path so many times as fast, for a system that controls move."""
@@ -265,6 +278,7 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
     return Trajectory(
         controls=steering.controls(heading.ravel()[keep], path.curvature.ravel()[keep]),
         durations=length[keep] / steering.speed, path=path, cost=total * steering.cost_per_meter, length=total,
+        between=_between,
     )  # fmt: skip
 
 

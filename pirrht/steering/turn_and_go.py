@@ -164,7 +164,11 @@ def _free(motions: Turned, i: int, space: FreeSpace) -> bool:
     )
 
 
-LINES_WITH_TURNS = MotionKind(_kernels, _free, ARCS.trajectory)
+def _trajectory(steering: Any, path: Turned) -> Trajectory:
+    return replace(ARCS.trajectory(steering, path), between=_between)
+
+
+LINES_WITH_TURNS = MotionKind(_kernels, _free, _trajectory)
 
 
 @cache

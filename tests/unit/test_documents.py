@@ -4,9 +4,10 @@ import re
 from importlib import import_module
 from operator import attrgetter
 
+from repository import ROOT
+
 import pirrht
 from pirrht import errors
-from repository import ROOT
 
 TABLE = (ROOT / "docs" / "equations.md").read_text()
 HOMES = sorted(set(re.findall(r"`([a-z_.0-9]+:[\w.]+)`", TABLE)))
