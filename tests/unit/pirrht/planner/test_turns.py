@@ -7,10 +7,10 @@ import pytest
 from trees import grown
 
 from pirrht import Footprint, FreeSpace, NoReference, Problem, Scene
-from pirrht.planner.narrow_place import narrow_place
 from pirrht.steering.turn_and_go import TurnAndGo
 from pirrht.systems.dynamics import wrapped
 from pirrht.systems.rover import Rover
+from sim.scenario.narrow_place import narrow_place
 
 CART = Footprint.rectangle(1.0, 0.4)
 WEDGE = Footprint.polygon([(-0.2, -0.25), (0.6, 0.0), (-0.2, 0.25)])
