@@ -25,11 +25,10 @@ from pirrht.problem import Problem
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.steering.straight_line import Tracked, connect_lines, velocity_at
 from pirrht.steering.tuning import TUNING
-from pirrht.systems.dynamics import wrapped
 
 
 class Turned(NamedTuple):
-    """k straight lines with turns at both ends, one row each; `Curves` with what they cost and how they are driven."""
+    """k straight lines with turns at both ends, one row each; `Curves` with what they cost."""
 
     start: Array  # (k, 3) x, y [m], heading of travel [rad]
     curvature: Array  # (k, 1) 0
@@ -38,7 +37,6 @@ class Turned(NamedTuple):
     tails: Array  # (k, 3) first poses
     heads: Array  # (k, 3) last poses
     price: Array  # (k, 2) cost per meter and per radian
-    heading: Array  # (k,) of the robot along the line, forwards or backwards [rad]
 
     def points(self, spacing: float) -> list[Array]:
         """Each line as its ends (2, 2) [m]."""
@@ -46,9 +44,21 @@ class Turned(NamedTuple):
 
 
 @inlined
+def wrapped(angle):  # type: ignore[no-untyped-def]
+    """Return an angle in [-pi, pi)."""
+    return angle - TWO_PI * math.floor((angle + math.pi) / TWO_PI)
+
+
+@inlined
 def turns_of(way, before, after):  # type: ignore[no-untyped-def]
     """Return the angle that a heading along a line, between two others, takes at its ends [rad]."""
     return abs(wrapped(way - before)) + abs(wrapped(after - way))
+
+
+@inlined
+def backwards(way, before, after, reverses):  # type: ignore[no-untyped-def]
+    """Return whether driving a line backwards takes less turning."""
+    return bool(reverses) and turns_of(way + math.pi, before, after) < turns_of(way, before, after)
 
 
 @inlined
@@ -70,105 +80,102 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair; the numbers are the costs per meter and radian, and 1 for a robot that reverses, else 0."""
     lines = connect_lines(tails, heads, numbers)
     price = np.empty((len(tails), 2))
-    heading = np.empty(len(tails))
     for i in range(len(tails)):
-        before = tails[i, 2]
-        after = heads[i, 2]
         if lines.length[i, 0] == 0.0:
-            lines.start[i, 2] = before
+            lines.start[i, 2] = tails[i, 2]
         way = lines.start[i, 2]
-        turn = turns_of(way, before, after)
-        back = turns_of(way + math.pi, before, after)
+        price[i, 0] = numbers[0]
+        price[i, 1] = numbers[1]
 
-        heading[i] = way
-        if numbers[2] > 0.0 and back < turn:  # backwards
-            heading[i] = wrapped(way + math.pi)
-            turn = back
-        price[i] = (numbers[0], numbers[1])
-        lines.cost[i] += numbers[1] * turn
-    return Turned(lines.start, lines.curvature, lines.length, lines.cost, tails, heads.copy(), price, heading)
-
-
-@inlined
-def _at(motions, i, share):  # type: ignore[no-untyped-def]
-    """Return the place (x, y) [m] after a share of a line."""
-    length = share * motions.length[i, 0]
-    way = motions.start[i, 2]
-
-    return motions.start[i, 0] + length * math.cos(way), motions.start[i, 1] + length * math.sin(way)
-
-
-@inlined
-def _drives_back(motions, i):  # type: ignore[no-untyped-def]
-    return math.cos(motions.heading[i] - motions.start[i, 2]) < 0.0
-
-
-@part
-def _cut(motions, i, s):  # type: ignore[no-untyped-def]
-    """End a motion at s [m], as it is headed there: it has arrived."""
-    motions.heads[i, 2] = motions.heading[i]
-    motions.length[i, 0] = min(motions.length[i, 0], s)
-    turn = abs(wrapped(motions.heading[i] - motions.tails[i, 2]))
-    motions.cost[i] = motions.price[i, 0] * motions.length[i, 0] + motions.price[i, 1] * turn
-
-
-@kernel
-def _between(motions, i, share, out):  # type: ignore[no-untyped-def]
-    out[:2] = _at(motions, i, share)
-    out[2] = motions.heading[i]
-    return share >= 0.0  # numba hands no literal to Python
+        heading = way + math.pi if backwards(way, tails[i, 2], heads[i, 2], numbers[2] > 0.0) else way
+        lines.cost[i] += numbers[1] * turns_of(heading, tails[i, 2], heads[i, 2])
+    return Turned(lines.start, lines.curvature, lines.length, lines.cost, tails, heads.copy(), price)
 
 
 @cache
-def _certify_for(space: SpaceKernels) -> Any:
-    """Build the kernel that certifies a line and its turns, by kernels of a footprint."""
-    certify_piece, certify_turn = space.certify_piece, space.certify_turn
+def lines_with_turns(reverses: bool) -> MotionKind:
+    """Return the kind of motions, of robots that reverse or do not."""
+
+    @inlined
+    def heading_along(motions, i):  # type: ignore[no-untyped-def]
+        way = motions.start[i, 2]
+        back = backwards(way, motions.tails[i, 2], motions.heads[i, 2], reverses)
+        return wrapped(way + math.pi) if back else way, back
+
+    @inlined
+    def end_of(motions, i):  # type: ignore[no-untyped-def]
+        length = motions.length[i, 0]
+        x, y = motions.start[i, 0], motions.start[i, 1]
+        way = motions.start[i, 2]
+
+        return x + length * math.cos(way), y + length * math.sin(way)
+
+    @part
+    def cut(motions, i, s):  # type: ignore[no-untyped-def]
+        """End a motion at s [m], as it is headed there: it has arrived."""
+        heading, _ = heading_along(motions, i)
+        motions.heads[i, 2] = heading
+        motions.length[i, 0] = min(motions.length[i, 0], s)
+        turn = abs(wrapped(heading - motions.tails[i, 2]))
+        motions.cost[i] = motions.price[i, 0] * motions.length[i, 0] + motions.price[i, 1] * turn
 
     @kernel
-    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-        static = around.static
-        heading = motions.heading[i]
-        tail = _at(motions, i, 0.0)
-        head = _at(motions, i, 1.0)
-        verdict = FREE
-        if motions.length[i, 0] > 0.0:
-            back, front = (head, tail) if _drives_back(motions, i) else (tail, head)
-            verdict = certify_piece(static, back, front, patient)
-        if verdict == FREE or (patient and verdict != BLOCKED):
-            before = motions.tails[i, 2]
-            turn = wrapped(heading - before)
-            verdict = min(verdict, certify_turn(static, (tail[0], tail[1], before), turn, patient))
-        if verdict == FREE or (patient and verdict != BLOCKED):
-            turn = wrapped(motions.heads[i, 2] - heading)
-            verdict = min(verdict, certify_turn(static, (head[0], head[1], heading), turn, patient))
-        return verdict
+    def between(motions, i, share, out):  # type: ignore[no-untyped-def]
+        length = share * motions.length[i, 0]
+        way = motions.start[i, 2]
+        out[0] = motions.start[i, 0] + length * math.cos(way)
+        out[1] = motions.start[i, 1] + length * math.sin(way)
+        out[2], _ = heading_along(motions, i)
+        return length >= 0.0  # numba hands no literal to Python
 
-    return certify
+    @cache
+    def certify_for(space: SpaceKernels) -> Any:
+        certify_piece, certify_turn = space.certify_piece, space.certify_turn
 
+        @kernel
+        def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+            static = around.static
+            heading, back = heading_along(motions, i)
+            x, y, _ = motions.start[i]
+            ex, ey = end_of(motions, i)
+            verdict = FREE
+            if motions.length[i, 0] > 0.0:
+                verdict = certify_piece(static, (ex, ey), (x, y), patient) if back else certify_piece(
+                    static, (x, y), (ex, ey), patient
+                )  # fmt: skip
+            if verdict == FREE or (patient and verdict != BLOCKED):
+                turn = wrapped(heading - motions.tails[i, 2])
+                verdict = min(verdict, certify_turn(static, (x, y, motions.tails[i, 2]), turn, patient))
+            if verdict == FREE or (patient and verdict != BLOCKED):
+                turn = wrapped(motions.heads[i, 2] - heading)
+                verdict = min(verdict, certify_turn(static, (ex, ey, heading), turn, patient))
+            return verdict
 
-def _kernels(around: Surroundings) -> MotionKernels:
-    certify = _certify_for(around.static.kernels)
-    return ARCS.kernels(around)._replace(cut=_cut, certify=certify, between=_between)
+        return certify
 
+    def kernels(around: Surroundings) -> MotionKernels:
+        curves = ARCS.kernels(around)
+        certify = certify_for(around.static.kernels)
 
-def _free(motions: Turned, i: int, space: FreeSpace) -> bool:
-    collision: Any = space.collision
-    ends = np.array([_at(motions, i, 0.0), _at(motions, i, 1.0)])
-    back, front = ends[::-1] if _drives_back(motions, i) else ends
-    heading = motions.heading[i]
-    before = motions.tails[i, 2]
-    return bool(
-        (motions.length[i, 0] == 0.0 or collision.segments_free(back[None], front[None])[0])
-        and collision.turn_free(np.append(ends[0], before), wrapped(heading - before))
-        and collision.turn_free(np.append(ends[1], heading), wrapped(motions.heads[i, 2] - heading))
-    )
+        return MotionKernels(curves.entry, cut, certify, curves.pairs, curves.most, between)
 
+    def free(motions: Turned, i: int, space: FreeSpace) -> bool:
+        heading, back = heading_along(motions, i)
+        collision: Any = space.collision
+        tail = motions.start[i, :2]
+        head = np.array(end_of(motions, i))
+        pieces = np.array([head, tail] if back else [tail, head])
+        first = np.append(tail, motions.tails[i, 2])
+        return bool(
+            (motions.length[i, 0] == 0.0 or collision.segments_free(pieces[:1], pieces[1:])[0])
+            and collision.turn_free(first, wrapped(heading - first[2]))
+            and collision.turn_free(np.append(head, heading), wrapped(motions.heads[i, 2] - heading))
+        )
 
-def _trajectory(steering: Any, path: Turned) -> Trajectory:
-    return replace(ARCS.trajectory(steering, path), between=_between)
+    def trajectory(steering: Any, path: Turned) -> Trajectory:
+        return replace(ARCS.trajectory(steering, path), between=between)
 
-
-LINES_WITH_TURNS = MotionKind(_kernels, _free, _trajectory)
+    return MotionKind(kernels, free, trajectory)
 
 
 @cache
@@ -208,7 +215,6 @@ class TurnAndGo(Tracked):
     n = 3
     heading = 2
     symmetric = False
-    motion = LINES_WITH_TURNS
     cost = _cost
     optimum = _connect
 
@@ -232,13 +238,21 @@ class TurnAndGo(Tracked):
         found = super(TurnAndGo, self).trajectory(path)
         if not self.ahead:
             return found
-        turns = wrapped_all(np.diff(path.heading, prepend=path.tails[0, 2]))
-        signs = np.sign(np.cos(path.heading - path.start[:, 2]))
-        turning = np.copysign(1.0, turns)[:, None] * self.turning
-        driving = signs[:, None] * self.ahead
-        durations = np.column_stack([np.abs(turns) / self.turn_rate, path.length[:, 0] / self.pace])
-        controls = np.stack([turning, driving], axis=1).reshape(-1, self.m)
-        return replace(found, controls=controls, durations=durations.ravel())
+        heading = float(path.tails[0, 2])
+        pieces = list[tuple[Array, float]]()
+        for tail, head, way, length in zip(path.tails, path.heads, path.start[:, 2], path.length[:, 0], strict=True):
+            back = backwards(way, tail[2], head[2], self.reverses)
+            turn = wrapped(way + (math.pi if back else 0.0) - heading)
+            heading += turn
+            pieces.append((math.copysign(1.0, turn) * np.array(self.turning), abs(turn) / self.turn_rate))
+            pieces.append(((-1.0 if back else 1.0) * np.array(self.ahead), length / self.pace))
+        controls, durations = zip(*pieces, strict=True)
+        return replace(found, controls=np.array(controls), durations=np.array(durations))
+
+    @property
+    def motion(self) -> MotionKind:  # type: ignore[override]
+        """Return its kind of motions."""
+        return lines_with_turns(self.reverses)
 
     def vertex_of(self, x: Array) -> Array:
         """The pose (..., 3) of a state (..., n); a pose has no more."""

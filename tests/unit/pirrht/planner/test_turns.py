@@ -7,8 +7,7 @@ import pytest
 from trees import grown
 
 from pirrht import Footprint, FreeSpace, NoReference, Problem, Scene
-from pirrht.steering.turn_and_go import TurnAndGo
-from pirrht.systems.dynamics import wrapped
+from pirrht.steering.turn_and_go import TurnAndGo, wrapped
 from pirrht.systems.rover import Rover
 from sim.scenario.narrow_place import narrow_place
 
