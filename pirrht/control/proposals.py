@@ -198,7 +198,7 @@ class ProposalBuilder:
         run.effort.weak = estimate.ess < TUNING.fit_enough
         for name, weight in estimate.class_weights.items():
             if weight >= TUNING.fit_weight:
-                run.retries.hasten(name)
+                run.retries.due.pop(name, None)  # it is tried at the next plan
         if self.settings.use.mixes:
             run.shares.allocation.learn(batch, estimate)
         if self.learns:

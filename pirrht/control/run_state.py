@@ -113,10 +113,6 @@ class Retries:
         if not self.waits(name):
             self.due[name] = self.plans + plans
 
-    def hasten(self, name: str) -> None:
-        """Try a class at the next plan."""
-        self.due.pop(name, None)
-
 
 @dataclass(slots=True)
 class ClassShares:
