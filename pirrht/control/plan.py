@@ -160,18 +160,11 @@ class Plan:
                 states, steps = self.replay.trace(rollouts, chosen)
                 yield [path[: int(end) + 1, :2] for path, end in zip(states, steps, strict=True)], strength
 
-    @property
+    @cached_property
     def tape(self) -> Array:
         """Open-loop controls, one per rollout step, (T, m) (paper, end of IV-C)."""
-        return self.instead if self.instead is not None else self._replayed[0]
-
-    @property
-    def alive(self) -> Array:
-        """Weight of the samples still under way at each step, (T,); 1 without samples."""
-        return np.ones(len(self.tape)) if self.instead is not None else self._replayed[1]
-
-    @cached_property
-    def _replayed(self) -> tuple[Array, Array]:
+        if self.instead is not None:
+            return self.instead
         assert self.estimate is not None
         assert self.replay is not None
         return self.replay.tape(self.estimate.parts)
