@@ -250,15 +250,6 @@ def loops(collision: Collision) -> tuple[Component, ...]:
         members = sorted(alone[i] for i in cycle if i < M)
         outside = [WORKSPACE] if max(cycle) >= M else []
         names = (*(obstacles[i].name for i in members), *outside)
-        found.append(
-            Loop(members=tuple(members), names=names, marker=corners[0], joins_border=bool(outside), corners=corners)
-        )
+        found.append(Loop(members=tuple(members), names=names, marker=corners[0], corners=corners))
     found.sort(key=lambda part: part.members)
-    edges = [{M + side for side in range(SIDES)} & {*nerve.neighbors[i]} for i in range(M)]
-    return (
-        *found,
-        *(
-            Component(members=(i,), names=(obstacles[i].name,), marker=None, joins_border=bool(edge))
-            for i, edge in zip(alone, edges, strict=True)
-        ),
-    )
+    return (*found, *(Component(members=(i,), names=(obstacles[i].name,), marker=None) for i in alone))
