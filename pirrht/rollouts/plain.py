@@ -170,7 +170,7 @@ class Path:
         count = 0
         if self.moving:
             within = max(3.0 * math.sqrt(spread), TUNING.push_cutoff * self.tables.wall_offset)
-            count, until = self.moving.walls(self.world.moving, self.watch, *here[:2], clock, within, self.near)
+            count, until = self.moving.walls(self.world.moving, self.watch, here, clock, within, self.near)
             self.dt = self.until = min(left, max(until - clock, TUNING.least_change))
         self.expose(here, count)
         xx, _, yy = self.in_plane(self.dt)
@@ -198,16 +198,21 @@ class Path:
         xx, xy, *more = self.covariance(dt)
         return xx, xy, more[len(self.reads) - 2]
 
+    def whole(self, dt: float) -> tuple[float, ...]:
+        """Return (xx, xy, xt, yy, yt, tt) of it; without a heading that does not vary."""
+        cov = self.covariance(dt)
+        return cov if len(cov) == 6 else (cov[0], cov[1], 0.0, cov[2], 0.0, 0.0)
+
     def expose(self, here: Pose, count: int) -> None:
         """Add how fast the chance grows that the step which ends here comes close to a wall."""
         rates = self.covariance(1.0)
         gap, border, self.to_goal, *_ = distances = self.space.distances(self.world, here)
         if self.kind.along_line:
             gap = self.space.facing(self.world.static, here, distances, rates)
-        gap = max(min(gap, border, gap_among(self.near, count, self.in_plane(1.0), self.kind.along_line)), 0.0)
+        most = self.space.spread(self.world.static, rates, self.kind.along_line)
+        gap = max(min(gap, border, gap_among(self.near, count, self.whole(1.0), most, self.kind.along_line)), 0.0)
         if self.last > 0.0:
-            deviation = math.sqrt(self.space.spread(self.world.static, rates, self.kind.along_line))
-            self.exposure += exposure(*map(np.float32, (self.gap, gap, deviation, self.last)))
+            self.exposure += exposure(*map(np.float32, (self.gap, gap, math.sqrt(most), self.last)))
         self.gap, self.last = gap, self.dt
 
     def aim(self, g: int, i: int, share: float) -> None:
@@ -300,25 +305,28 @@ class Path:
     def judge(self, here: Pose, there: Pose, share: float, turn: float, clock: float) -> float:
         """Set the outcome of the step, and return its share until then."""
         moving = self.moving
-        way = (*here[:2], *there[:2])
         if not self.setup.bridge:
-            inside = not moving or moving.clearance(self.world.moving, *way[2:], clock + self.dt) > 0.0
+            inside = not moving or moving.clearance(self.world.moving, there, clock + self.dt) > 0.0
             self.outcome = self.space.end(self.world, there) if inside else COLLISION
             return 1.0
         if self.kind.noisy_position:
             wall, share = False, self.on_bridge(here, there, self.kind.along_line)
             if moving:
-                wall, share = self.on_bridge_among(way, share, clock)
+                wall, share = self.on_bridge_among((here, there), share, clock, self.kind.along_line)
             if self.outcome != INSIDE:
                 self.end(here, share, wall)
             return share
         if self.outcome == INSIDE:
             self.outcome, share, _ = self.space.sweep(self.world, here, there, turn, 0.0)
-        hit = moving.sweep(self.world.moving, self.watch, (*way, turn), clock, self.dt, share) if moving else math.inf
+        step = here, there, turn
+        hit = moving.sweep(self.world.moving, self.watch, step, clock, self.dt, share) if moving else math.inf
         if hit <= share:
             self.outcome, share = COLLISION, hit
         if self.space.turns and self.outcome == INSIDE:  # noise turns the footprint on its way
             share = self.on_bridge(here, there, False)
+            if moving and self.outcome == INSIDE:
+                moving.begin(self.watch)
+                _, share = self.on_bridge_among((here, there), share, clock, False)
         return float(share)
 
     def on_bridge(self, here: Pose, there: Pose, line: bool) -> float:
@@ -331,10 +339,12 @@ class Path:
         self.log_survival += missed
         return float(share)
 
-    def on_bridge_among(self, way: Pose, share: float, clock: float) -> tuple[bool, float]:
+    def on_bridge_among(
+        self, way: tuple[Pose, Pose], share: float, clock: float, line: bool
+    ) -> tuple[bool, float]:  # fmt: skip
         """Judge it among moving obstacles too; return whether one of these is met, and the share."""
-        rule = (self.kind.along_line, self.tables.weighed)
-        step = way, clock, self.dt, self.in_plane(self.dt), rule, np.uint64(self.random)
+        rule = (self.space.spread(self.world.static, self.covariance(self.dt), line), self.tables.weighed)
+        step = way, clock, self.dt, self.whole(self.dt), rule, np.uint64(self.random)
         self.random, hit, missed = self.moving.bridge(self.world.moving, self.watch, *step, self.near)
         if hit <= 1.0 and (self.outcome == INSIDE or hit < share):
             self.outcome = COLLISION
@@ -352,7 +362,7 @@ class Path:
         if self.kind.traits.point and xy == 0.0 and xx == yy:
             met = self.space.exit(self.world, here, self.outcome)
             if wall:
-                gap, n, v = self.near[0, 0], self.near[0, 1:3], self.near[0, 3:]
+                gap, n, v = self.near[0, 0], self.near[0, 1:3], self.near[0, 4:]
                 met = (max(gap, 0.0) - share * self.dt * float((v - self.f) @ n), *(-n).tolist())
             radius = self.world.radius if self.outcome == GOAL else 0.0
             beyond = tuple((self.moved - self.x - drift).tolist())

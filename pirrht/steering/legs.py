@@ -1,4 +1,7 @@
-"""Legs: straight lines in space and time at a constant speed, and what is free, crossed and paid along them."""
+"""Legs: straight lines in space and time at a constant speed, and what is free, crossed and paid along them.
+
+A robot that is no disc is headed along a leg, or backwards along it; at its ends it turns on the spot, in no time.
+"""
 
 import math
 from functools import cache
@@ -7,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.arcs import backwards, entry_of_piece, turns_of, wrapped
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
@@ -37,7 +40,7 @@ def free_leg(space: SpaceKernels, moving: MovingKernels | None) -> Any:
     @kernel
     def judged(around, leg):  # type: ignore[no-untyped-def]
         static = certify_piece(around.static, (leg[0], leg[1]), (leg[3], leg[4]), True)
-        return min(static, certify(around.traffic, leg)) if among and static != BLOCKED else static
+        return min(static, certify(around.traffic, leg, 0.0)) if among and static != BLOCKED else static
 
     return judged
 
@@ -113,6 +116,85 @@ def _kernels(around: Surroundings) -> MotionKernels:
 LEGS = MotionKind(_kernels, _free, _trajectory)
 
 
+@cache
+def turned_legs(reverses: bool) -> MotionKind:
+    """Return the kind of legs between places, times and headings, of robots that reverse or do not."""
+
+    @inlined
+    def heading_of(motions, i):  # type: ignore[no-untyped-def]
+        """Return the heading along a leg, the turns at its ends [rad], and whether it is driven backwards."""
+        ax, ay, _, bx, by, _ = _ends(motions, i)
+        before = motions.tails[i, 3]
+        after = motions.heads[i, 3]
+        way, back = before, False
+        if ax != bx or ay != by:
+            way = math.atan2(by - ay, bx - ax)
+            back = backwards(way, before, after, reverses)
+            way = wrapped(way + math.pi) if back else way
+        return way, wrapped(way - before), wrapped(after - way), back
+
+    @inlined
+    def cut(motions, i, share):  # type: ignore[no-untyped-def]
+        """End a leg after a share of it, as it is headed there: it has arrived."""
+        motions.heads[i, 3] = heading_of(motions, i)[0]
+        _cut(motions, i, share)
+
+    @kernel
+    def between(motions, i, share, out):  # type: ignore[no-untyped-def]
+        for k in range(3):
+            out[k] = motions.path[i, k] + share * (motions.path[i, 3 + k] - motions.path[i, k])
+        out[3] = heading_of(motions, i)[0]
+        return share >= 0.0  # numba hands no literal to Python
+
+    @cache
+    def certify_for(space: SpaceKernels, moving: MovingKernels | None) -> Any:
+        certify_piece, certify_turn = space.certify_piece, space.certify_turn
+        among, (certify_leg, turn_among) = moving is not None, (moving or NOTHING_MOVES)[-2:]
+
+        @kernel
+        def turn_is(around, pose, angle, t, patient):  # type: ignore[no-untyped-def]
+            verdict = certify_turn(around.static, pose, angle, patient)
+            return min(verdict, turn_among(around.traffic, pose, angle, t)) if among and verdict != BLOCKED else verdict
+
+        @kernel
+        def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+            ax, ay, s, bx, by, t = _ends(motions, i)
+            way, first, last, back = heading_of(motions, i)
+            verdict = turn_is(around, (ax, ay, way - first), first, s, patient)
+            if verdict != BLOCKED:
+                verdict = min(verdict, turn_is(around, (bx, by, way), last, t, patient))
+            if verdict != BLOCKED and (ax != bx or ay != by):
+                tail, head = ((bx, by), (ax, ay)) if back else ((ax, ay), (bx, by))
+                verdict = min(verdict, certify_piece(around.static, tail, head, patient))
+            if among and verdict != BLOCKED:
+                verdict = min(verdict, certify_leg(around.traffic, (ax, ay, s, bx, by, t), way))
+            return verdict
+
+        return certify
+
+    def kernels(around: Surroundings) -> MotionKernels:
+        certify = certify_for(around.static.kernels, around.traffic.kernels)
+        return MotionKernels(_entry, cut, certify, _pairs_of(around.classes.kernels), _most, between)
+
+    def free(motions: Legs, i: int, space: FreeSpace) -> bool:
+        ax, ay, s, bx, by, t = motions.path[i].tolist()
+        way, first, last, back = heading_of(motions, i)
+        begin, tail = (np.array([ax, ay, heading]) for heading in (way - first, way))
+        head, end = (np.array([bx, by, heading]) for heading in (way, way + last))
+        collision: Any = space.collision
+        piece = np.array([head[:2], tail[:2]] if back else [tail[:2], head[:2]])
+        return bool(
+            (np.array_equal(*piece) or collision.segments_free(piece[:1], piece[1:])[0])
+            and collision.turn_free(begin, first)
+            and collision.turn_free(head, last)
+            and not space.moving.meets(begin, s, tail, s)
+            and not space.moving.meets(tail, s, head, t)
+            and not space.moving.meets(head, t, end, t)
+        )
+
+    return MotionKind(kernels, free, _trajectory)
+
+
 @inlined
 def cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
     """Cost and duration of a leg; the time of its end may be open."""
@@ -143,3 +225,28 @@ def connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
         if math.isnan(heads[i, 2]):
             path[i, 5] = tails[i, 2] + dt
     return Legs(path, cost, tails, heads)
+
+
+@inlined
+def turning_cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
+    """Return the cost of a leg with the turns at its ends; more numbers are the cost per radian, and `reverses`."""
+    cost, _ = cost_and_duration(tail, head, numbers[:4])
+    if not cost < limit:
+        return np.inf
+    before, after = tail[3], head[3]
+    if tail[0] == head[0] and tail[1] == head[1]:
+        return cost + numbers[4] * abs(wrapped(after - before))
+    way = math.atan2(head[1] - tail[1], head[0] - tail[0])
+    turn = turns_of(way, before, after)
+    if numbers[5] > 0.0:
+        turn = min(turn, turns_of(way + math.pi, before, after))
+    return cost + numbers[4] * turn
+
+
+@kernel
+def connect_turning(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """Connect each pair of places, times and headings by one leg; the numbers are those of `turning_cost`."""
+    legs = connect(tails, heads, numbers[:4])
+    for i in range(tails.shape[0]):
+        legs.cost[i] = turning_cost(as_tuple(tails[i], 4), as_tuple(heads[i], 4), numbers, np.inf)
+    return Legs(legs.path, legs.cost, tails, heads.copy())

@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves
+from pirrht.geometry.arcs import TWO_PI, Curves, backwards, turns_of, wrapped
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.jit.jit import inlined, kernel, part
@@ -40,24 +40,6 @@ class Turned(NamedTuple):
     def points(self, spacing: float) -> list[Array]:
         """Each line as its ends (2, 2) [m]."""
         return Curves(*self[:6]).points(spacing)
-
-
-@inlined
-def wrapped(angle):  # type: ignore[no-untyped-def]
-    """Return an angle in [-pi, pi)."""
-    return angle - TWO_PI * math.floor((angle + math.pi) / TWO_PI)
-
-
-@inlined
-def turns_of(way, before, after):  # type: ignore[no-untyped-def]
-    """Return the angle that a heading along a line, between two others, takes at its ends [rad]."""
-    return abs(wrapped(way - before)) + abs(wrapped(after - way))
-
-
-@inlined
-def backwards(way, before, after, reverses):  # type: ignore[no-untyped-def]
-    """Return whether driving a line backwards takes less turning."""
-    return bool(reverses) and turns_of(way + math.pi, before, after) < turns_of(way, before, after)
 
 
 @inlined
@@ -175,7 +157,7 @@ def lines_with_turns(reverses: bool) -> MotionKind:
 
 
 @cache
-def _alignment(clearance: Any, place: Any) -> Any:
+def alignment(clearance: Any, place: Any) -> Any:
     """Build the kernel that turns poses (k, 3), in place, to the heading of most clearance out of some."""
 
     @kernel
@@ -271,7 +253,7 @@ class TurnAndGo(Tracked):
     ) -> Array:  # fmt: skip
         """Draw poses as `Steering.draws`; where not all headings are free, half of them along the way that is."""
         drawn = np.empty((count, self.n))
-        align = _alignment(space.static.kernels.clearance, space.static.kernels.place)
+        align = alignment(space.static.kernels.clearance, space.static.kernels.place)
         for i in range(count):
             drawn[i] = super(TurnAndGo, self).draws(space, rng, 1, origin, goal_share)[0]
             if rng.random() < TUNING.aligned_share:
@@ -280,9 +262,14 @@ class TurnAndGo(Tracked):
 
     def roots(self, goal: Array) -> Array:
         """Spread headings evenly at the goal point (2,) [m], (k, 3), over half a turn for a robot that reverses."""
-        whole = np.pi if self.reverses else TWO_PI
-        headings = np.arange(TUNING.arrivals) * whole / TUNING.arrivals - 0.5 * whole
+        headings = arrivals(self.reverses)
         return np.column_stack([np.broadcast_to(goal, (len(headings), 2)), headings])
+
+
+def arrivals(reverses: bool) -> Array:
+    """Return headings at the goal point [rad], over half a turn for a robot that reverses."""
+    whole = np.pi if reverses else TWO_PI
+    return np.arange(TUNING.arrivals) * whole / TUNING.arrivals - 0.5 * whole
 
 
 def _driving(problem: Problem, pace: float) -> dict[str, Any]:
