@@ -27,7 +27,7 @@ def test_clearances_are_those_of_the_bodies_as_they_stand_then(scene):
     traffic, crowd, met = MovingObstacleArrays.of(world), MovingObstacles(world.movers, world.footprint), 0
     for _ in range(150):
         place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 6.0)
-        found, right = moving_clearance(traffic, place[0], place[1], time), truth(world, place, time)
+        found, right = moving_clearance(traffic, tuple(place), time), truth(world, place, time)
         assert found == pytest.approx(crowd.clearance(place, time), abs=2e-3) or min(found, right) >= traffic.cutoff
         if right > 0.0:
             assert found == pytest.approx(min(right, traffic.cutoff), abs=2e-3)
@@ -44,16 +44,16 @@ def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
         traffic = MovingObstacleArrays.of(alone)
         for _ in range(100):
             place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 2.0)
-            rows = traffic.walls(*place, time, 0.8)
+            rows = traffic.walls(tuple(place), time, 0.8)
             if len(rows) == 0:
                 assert truth(alone, place, time) > 0.79
                 continue
-            d, nx, ny, vx, vy = rows[0]
-            assert d == pytest.approx(moving_clearance(traffic, *place, time), abs=1e-12)
+            d, nx, ny, _, vx, vy = rows[0]
+            assert d == pytest.approx(moving_clearance(traffic, tuple(place), time), abs=1e-12)
             if d > 0.0:
-                beyond = moving_clearance(traffic, *(place + dt * np.array([nx, ny])), time)
+                beyond = moving_clearance(traffic, tuple(place + dt * np.array([nx, ny])), time)
                 assert (beyond - d) / dt == pytest.approx(1.0, abs=0.06)
-                assert (moving_clearance(traffic, *place, time + dt) - d) / dt == pytest.approx(
+                assert (moving_clearance(traffic, tuple(place), time + dt) - d) / dt == pytest.approx(
                     -(vx * nx + vy * ny), abs=0.06
                 )
                 seen += 1
@@ -70,8 +70,8 @@ def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
             x, y, _ = mover.motion.pose(time)
             lower = np.hypot(place[0] - x, place[1] - y) - disc_of(traffic, j)
             assert lower <= max(truth(replace(world, movers=(mover,)), place, time), 0.0) + 1e-9
-            for row in alone.walls(*place, time, 0.8):
-                assert np.hypot(row[3], row[4]) <= fastest_of(traffic, j) + 1e-9
+            for row in alone.walls(tuple(place), time, 0.8):
+                assert np.hypot(row[4], row[5]) <= fastest_of(traffic, j) + 1e-9
 
 
 @kernel
@@ -80,15 +80,15 @@ def _watch(moving):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _walls(moving, notes, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    return walls(moving, notes, x, y, t, within, out)
+def _walls(moving, notes, pose, t, within, out):  # type: ignore[no-untyped-def]
+    return walls(moving, notes, pose, t, within, out)
 
 
 def near_walls(
     traffic: MovingObstacleArrays, notes: Watch, x: np.ndarray, t: float, within: float
 ) -> tuple[np.ndarray, float]:
     out = np.empty((traffic.J, WALL))
-    count, until = _walls(traffic, notes, x[0], x[1], t, within, out)
+    count, until = _walls(traffic, notes, (x[0], x[1]), t, within, out)
     return out[:count], until
 
 
@@ -130,7 +130,7 @@ def test_a_straight_way_is_met_where_fcl_says():
         b = a + rng.uniform(-0.3, 0.3, 2)
         if crowd.clearance(a, t) < 2e-3:
             continue
-        share = sweep(traffic, notes, (a[0], a[1], b[0], b[1], 0.0), t, dt, 1.0)
+        share = sweep(traffic, notes, (tuple(a), tuple(b), 0.0), t, dt, 1.0)
         found = share < NEVER
         right = crowd.meets(a, t, b, t + dt)
         met += right
