@@ -1,16 +1,15 @@
 """Measure exactly how far a robot is from moving obstacles and whether one passes over it, each in its own frame.
 
-There its shape is static, and FCL measures the distance as from any static obstacle. Seen from a place,
-a distance changes no faster than the body: by its speed and its turning times its reach. So a distance known at one
-place and time leaves a cone in space and time that is surely free, and FCL is queried only where that is not
-enough. Swept capsules in the obstacle's frame decide whether one passes over the robot. A motion that starts over
-somewhere else jumps: earlier distances say nothing afterwards, and nothing is swept in between.
+There its shape is static, and distances are those from any static obstacle. Seen from a pose, a distance changes no
+faster than the body: by its speed and its turning times its reach. So a distance known at one pose and time leaves a
+cone that is surely free, and another is measured only where that is not enough: whether one passes over the robot, too,
+is told by distances at both ends of ever shorter pieces. A motion that starts over somewhere else jumps: earlier
+distances say nothing afterwards, and nothing is between.
 """
 
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from itertools import pairwise, repeat
+from itertools import repeat
 from math import cos, hypot, inf, remainder, sin, tau
 
 import numpy as np
@@ -23,18 +22,17 @@ from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.tuning import TUNING as GEOMETRY
-from pirrht.moving.tuning import TUNING
 
 NOWHERE = np.full(2, np.inf)
 
 
 class Body:
-    """One moving body, of a `shape` that FCL knows: free distances at a time, and how fast they may change."""
+    """One moving body, of a static `shape`: free distances at a time, and how fast they may change."""
 
     def __init__(self, mover: Mover, footprint: Footprint, shape: Collision | None = None) -> None:
         kind = Collision if footprint.is_disc else HullCollision
         self.shape = shape or kind(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint)
-        self._reach = footprint.reach
+        self._reach = 0.0 if footprint.is_disc else footprint.reach  # of what a turn moves [m]
         motion = mover.motion
         self._lap = (
             motion if not motion.repeat and motion.offset == 0.0 else Motion(rows=motion.rows)
@@ -69,42 +67,21 @@ class Body:
         return float(gone[1] - gone[0])
 
     def clearance(self, pose: Array, row_time: float) -> float:
-        """Return the free distance of a robot at a pose (2,) or (3,) at a time of the rows [s]; at most 0 in contact."""
+        """Return the free distance of a robot at a pose (2,) or (3,) at a time of the rows [s]; 0 in contact."""
         return float(self.shape.clearance(_seen(pose, self._lap.pose_at(row_time)))[0])
 
-    def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
+    def meets(self, a: Array, begin: float, b: Array, end: float, undecided: bool) -> bool:
         """Return whether it touches a robot that goes straight from a to b, poses, from `begin` to `end` [s]."""
-        judge = self._meets if len(a) == 2 else self._meets_turned
-        return any(judge(*piece) for piece in self._pieces(a, begin, b, end))
+        return any(self._meets(*piece, undecided) for piece in self._pieces(a, begin, b, end))
 
-    def _meets_turned(self, a: Array, s: float, b: Array, t: float) -> bool:
-        """Return whether it touches a robot that has a heading, between two times of the rows [s]."""
-        way = hypot(b[0] - a[0], b[1] - a[1]) + self._reach * abs(b[2] - a[2])
+    def _meets(self, a: Array, s: float, b: Array, t: float, undecided: bool) -> bool:
+        """Return whether it touches the robot between two times of the rows [s]; clearances to either side tell."""
+        way = hypot(b[0] - a[0], b[1] - a[1]) + self._reach * float(np.abs(b[2:] - a[2:]).sum())
         return touches(
             lambda share: self.clearance(a + share * (b - a), s + share * (t - s)),
             lambda p, q: (q - p) * way + self._rows_travel(s + p * (t - s), s + q * (t - s)),
+            undecided=undecided,
         )
-
-    def _meets(self, a: Array, s: float, b: Array, t: float) -> bool:
-        """Return whether it touches the robot between two times of the rows [s].
-
-        Seen from a body that does not turn a robot goes straight from row to row. Seen from one that turns it is off
-        the chord by no more than a bound that halving the way quarters.
-        """
-        knots = [s, *self._times[bisect_right(self._times, s) : bisect_left(self._times, t)], t]
-        shares = [(knot - s) / max(t - s, 1e-300) for knot in knots]
-        ends = [np.append(a + share * (b - a), self._lap.pose_at(k)) for share, k in zip(shares, knots, strict=True)]
-        pieces = list(pairwise(ends))
-        while pieces:
-            begin, end = pieces.pop()
-            off = _off_chord(begin, end)
-            if self.shape.segments_free(_seen(begin[:2], begin[2:]), _seen(end[:2], end[2:]), off)[0]:
-                continue
-            if off < TUNING.hair:
-                return True
-            middle = 0.5 * (begin + end)
-            pieces += [(middle, end), (begin, middle)]
-        return False
 
     def _pieces(self, a: Array, begin: float, b: Array, end: float) -> Iterator[tuple[Array, float, Array, float]]:
         """Cut a straight path where the motion starts over: places (2,) [m] and times of the rows [s] of both ends."""
@@ -169,13 +146,18 @@ class MovingObstacles:
         away = hypot(x - at_x, y - at_y) + self._reach * abs(heading - at_heading)
         return free - away - self._fastest * abs(time - when)
 
-    def meets(self, a: Array, begin: float, b: Array, end: float, which: BoolArray | None = None) -> bool:
-        """Return whether any of `which` (J,) touches a robot that goes from pose a to b, `begin` to `end` [s]."""
+    def meets(
+        self, a: Array, begin: float, b: Array, end: float, which: BoolArray | None = None, undecided: bool = False
+    ) -> bool:  # fmt: skip
+        """Return whether any of `which` (J,) touches a robot that goes from pose a to b, `begin` to `end` [s].
+
+        What passes within a twentieth of a millimetre is `undecided`.
+        """
         if min(self.surely(a, begin), self.surely(b, end)) > 0.0:
             return False
         near = ~(np.minimum(self._lower(a, begin), self._lower(b, end)) > 0.0)
         near = near if which is None else near & which
-        return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(near))
+        return any(self._bodies[j].meets(a, begin, b, end, undecided) for j in np.flatnonzero(near))
 
     def _lower(self, pose: Array, time: float) -> Array:
         """Return lower bounds of the free distances to all obstacles, (J,) [m]."""
@@ -201,17 +183,6 @@ def _seen(pose: Array, body: Iterable[float]) -> Array:
     dx, dy = x - body_x, y - body_y
 
     return np.array([[c * dx + s * dy, c * dy - s * dx, *(one - yaw for one in heading)]])
-
-
-def _off_chord(begin: Array, end: Array) -> float:
-    """Bound how far the path between two places and poses, all five linear, is off its chord in the body's frame [m].
-
-    An eighth of its second derivative's bound: with r from the body and a turn w that is |w|^2 |r| + 2 |w| |dr|.
-    """
-    x, y = (begin[:2] - begin[2:4]).tolist()
-    u, v = (end[:2] - end[2:4]).tolist()
-    turn = abs(float(end[4] - begin[4]))
-    return 0.125 * turn * (turn * max(hypot(x, y), hypot(u, v)) + 2.0 * hypot(u - x, v - y))
 
 
 @lru_cache(maxsize=GEOMETRY.shapes)  # obstacles keep their solids when their motions are predicted again

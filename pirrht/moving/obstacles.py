@@ -111,7 +111,7 @@ class MovingObstacleArrays(Held, ObstacleNumbers):
         unsure = np.ones(self.J, dtype=np.bool_)
         if a[-1] == b[-1] or len(a) == 2:  # else it turns
             note_unsure(self, (float(a[0]), float(a[1]), s, float(b[0]), float(b[1]), t), float(a[-1]), unsure)
-        return bool(unsure.any()) and self.collision.meets(a, s, b, t, unsure)
+        return bool(unsure.any()) and self.collision.meets(a, s, b, t, unsure, undecided=True)
 
 
 def _motions(movers: Sequence[Mover], reach: float) -> tuple[Array, IntArray, Array]:

@@ -13,7 +13,6 @@ class MovingTuning(NamedTuple):
     min_cutoff: float = 1.0  # or up to this, if that is more [m]
     stride: float = 5e-3  # of a march on where nothing is certain [m]: most such steps soon end inside beyond doubt
     certain: float = 1e-5  # so close a march may come where distances are closed forms [m]
-    hair: float = 1e-6  # a path that is free but for less than this is not [m]: halvings of a swept piece
     skin: float = 1.0  # obstacles are listed so much further away than required [m]: fewer new lists of longer ones
     sweep_step: float = 0.1  # sweeps advance by so many robot radii at least: a grazing contact may be missed by less
 

@@ -31,7 +31,7 @@ from pirrht.problem import Problem
 from pirrht.rollouts import tables as tubes
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.first_exit import at_crossing, slope_for, turn_of
-from pirrht.rollouts.step import SWAY, KernelSpec, gap_among
+from pirrht.rollouts.step import SWAY, KernelSpec, gap_among, of_pose
 from pirrht.rollouts.tables import FINER, LawRows, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import Dynamics
@@ -87,6 +87,7 @@ class Path:
         self.world, self.space, self.begun = setup.world, kind.space, origin.time
         self.moving: Any = kind.moving
         self.reads = list(kind.reads)
+        self.whole = of_pose(len(self.reads))
         H, _, m = tables.control.shape
         self.h = int(np.searchsorted(tables.first, sample, side="right")) - 1
         first, self.sign = antithetic(sample, tables.first[self.h], tables.mirrored)
@@ -198,11 +199,6 @@ class Path:
         xx, xy, *more = self.covariance(dt)
         return xx, xy, more[len(self.reads) - 2]
 
-    def whole(self, dt: float) -> tuple[float, ...]:
-        """Return (xx, xy, xt, yy, yt, tt) of it; without a heading that does not vary."""
-        cov = self.covariance(dt)
-        return cov if len(cov) == 6 else (cov[0], cov[1], 0.0, cov[2], 0.0, 0.0)
-
     def expose(self, here: Pose, count: int) -> None:
         """Add how fast the chance grows that the step which ends here comes close to a wall."""
         rates = self.covariance(1.0)
@@ -210,7 +206,7 @@ class Path:
         if self.kind.along_line:
             gap = self.space.facing(self.world.static, here, distances, rates)
         most = self.space.spread(self.world.static, rates, self.kind.along_line)
-        gap = max(min(gap, border, gap_among(self.near, count, self.whole(1.0), most, self.kind.along_line)), 0.0)
+        gap = max(min(gap, border, gap_among(self.near, count, self.whole(rates), most, self.kind.along_line)), 0.0)
         if self.last > 0.0:
             self.exposure += exposure(*map(np.float32, (self.gap, gap, math.sqrt(most), self.last)))
         self.gap, self.last = gap, self.dt
@@ -343,8 +339,9 @@ class Path:
         self, way: tuple[Pose, Pose], share: float, clock: float, line: bool
     ) -> tuple[bool, float]:  # fmt: skip
         """Judge it among moving obstacles too; return whether one of these is met, and the share."""
-        rule = (self.space.spread(self.world.static, self.covariance(self.dt), line), self.tables.weighed)
-        step = way, clock, self.dt, self.whole(self.dt), rule, np.uint64(self.random)
+        cov = self.covariance(self.dt)
+        rule = (self.space.spread(self.world.static, cov, line), self.tables.weighed)
+        step = way, clock, self.dt, self.whole(cov), rule, np.uint64(self.random)
         self.random, hit, missed = self.moving.bridge(self.world.moving, self.watch, *step, self.near)
         if hit <= 1.0 and (self.outcome == INSIDE or hit < share):
             self.outcome = COLLISION

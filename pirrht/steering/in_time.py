@@ -42,6 +42,7 @@ class InTime(CompiledSteering):
     speed: float = 0.0  # limit of speeds [m/s]; 0: five times the best one
     m: int = 0  # controls of a system that only tracks these legs; 0: the point's own velocity
     slack: float = 0.0  # time that such a system may take to get under way [s]
+    read: tuple[int, ...] = ()  # index of the state of such a system that is its heading, where that counts
 
     n = 3
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
@@ -72,7 +73,7 @@ class InTime(CompiledSteering):
             return cls(**known)
         return TurnInTime(
             **known, cost_per_radian=lines.cost_per_meter * problem.scene.footprint.reach,
-            reverses=velocity_at(problem, -1.0) < 0.0, read=d.angles[0],
+            reverses=velocity_at(problem, -1.0) < 0.0, read=d.angles[:1],
         )  # fmt: skip
 
     drives = property(
@@ -109,14 +110,15 @@ class InTime(CompiledSteering):
         return space.homology.with_speed(self.pace)
 
     def at(self, x: Array, time: float) -> Array:
-        """Place and time (3,) [m, m, s] of a system's state x (n,) at a time [s]."""
-        return np.array([x[0], x[1], time])
+        """Place and time [m, m, s], and heading [rad] where that counts, of a system's state x (n,) at a time [s]."""
+        return np.array([x[0], x[1], time, *x[list(self.read)]])
 
     def vertex_of(self, x: Array) -> Array:
-        """Place and time, (..., 3) [m, m, s], of states that begin with them; OptionError if a state has no time."""
+        """Place, time [m, m, s] and any heading [rad] of states that begin with them; OptionError if there are none."""
         if np.shape(x)[-1] < self.n:
-            raise OptionError(f"a state among moving obstacles is x, y and t; this one has {np.shape(x)[-1]} numbers")
-        return np.ascontiguousarray(x[..., :3], dtype=float)
+            what = "x, y and t" if self.n == 3 else "x, y, t and a heading"
+            raise OptionError(f"a state among moving obstacles is {what}; this one has {np.shape(x)[-1]} numbers")
+        return np.ascontiguousarray(x[..., : self.n], dtype=float)
 
     def roots(self, goal: Array) -> Array:
         """The goal point (2,) [m] at any time, (1, 3)."""
@@ -206,36 +208,19 @@ class TurnInTime(InTime):
 
     cost_per_radian: float  # [cost/rad]
     reverses: bool  # whether the system can drive backwards
-    read: int  # index of its state that is the heading
 
     n = 4
     heading = 3
     cost = turning_cost
     optimum = connect_turning
+    shorten = CompiledSteering.shorten
+    resume = CompiledSteering.resume
     motion = property(lambda self: turned_legs(self.reverses), doc="Kind of its motions.")
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """Return those of legs, the cost per radian, and 1 if it reverses."""
         return *super(TurnInTime, self).numbers, self.cost_per_radian, float(self.reverses)
-
-    def shorten(self, path: Legs, checker: EdgeChecker) -> Legs:
-        """Shorten a path inside its class, at no more cost, by the cheapest chain of legs."""
-        found: Legs = CompiledSteering.shorten(self, path, checker)
-        return found
-
-    def resume(self, x: Array, path: Legs, checker: EdgeChecker) -> Legs | None:
-        """Find the cheapest path from x (4,) over the rest of one near it, in any class; None if there is none."""
-        found: Legs | None = CompiledSteering.resume(self, x, path, checker)
-        return found
-
-    def at(self, x: Array, time: float) -> Array:
-        """Place, time and heading (4,) [m, m, s, rad] of a system's state x (n,) at a time [s]."""
-        return np.array([x[0], x[1], time, x[self.read]])
-
-    def vertex_of(self, x: Array) -> Array:
-        """Place, time and heading, (..., 4) [m, m, s, rad], of states that begin with them."""
-        return np.ascontiguousarray(x[..., :4], dtype=float)
 
     def roots(self, goal: Array) -> Array:
         """Spread headings at the goal point (2,) [m] at any time, (k, 4)."""

@@ -12,7 +12,7 @@ import numpy as np
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import backwards, entry_of_piece, turns_of, wrapped
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
-from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
+from pirrht.geometry.world import NOTHING_MOVES, Moving, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.steering.motion import Legs, MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.topology.signature import SignatureKernels
@@ -117,12 +117,61 @@ LEGS = MotionKind(_kernels, _free, _trajectory)
 
 
 @cache
+def free_turning(space: SpaceKernels, moving: MovingKernels | None) -> Any:
+    """Build the kernel (around, leg, headings, back, patient) that judges a leg with turns on the spot at its ends.
+
+    A leg is (ax, ay, s, bx, by, t) [m, s]; the headings are those before, along it and after [rad].
+    """
+    certify_piece, certify_turn = space.certify_piece, space.certify_turn
+    among, (certify_leg, turn_among) = moving is not None, (moving or NOTHING_MOVES)[-2:]
+
+    @kernel
+    def turn_judged(around, pose, angle, t, patient):  # type: ignore[no-untyped-def]
+        verdict = certify_turn(around.static, pose, angle, patient)
+        return min(verdict, turn_among(around.traffic, pose, angle, t)) if among and verdict != BLOCKED else verdict
+
+    @kernel
+    def judged(around, leg, headings, back, patient):  # type: ignore[no-untyped-def]
+        (ax, ay, s, bx, by, t), (before, way, after), verdict = leg, headings, FREE
+        if ax != bx or ay != by:
+            tail, head = ((bx, by), (ax, ay)) if back else ((ax, ay), (bx, by))
+            verdict = certify_piece(around.static, tail, head, patient)
+        if among and verdict != BLOCKED:
+            verdict = min(verdict, certify_leg(around.traffic, leg, way))
+        for begins in (True, False):
+            if verdict == FREE or (patient and verdict != BLOCKED):
+                pose, angle, now = ((ax, ay, before), way - before, s) if begins else ((bx, by, way), after - way, t)
+                verdict = min(verdict, turn_judged(around, pose, wrapped(angle), now, patient))
+        return verdict
+
+    return judged
+
+
+def is_free_turning(
+    collision: Any, moving: Moving, leg: tuple[float, ...], headings: tuple[float, ...], back: bool
+) -> bool:  # fmt: skip
+    """Judge such a leg exactly."""
+    (ax, ay, s, bx, by, t), (before, way, after) = leg, headings
+    first = wrapped(way - before)
+    last = wrapped(after - way)
+    a, b = np.array([ax, ay]), np.array([bx, by])
+    poses = [np.append(a, way - first), np.append(a, way), np.append(b, way), np.append(b, way + last)]
+    tail, head = (b, a) if back else (a, b)
+    return bool(
+        (np.array_equal(a, b) or collision.segments_free(tail[None], head[None])[0])
+        and collision.turn_free(poses[0], first)
+        and collision.turn_free(poses[2], last)
+        and not any(moving.meets(poses[k], (s, s, t)[k], poses[k + 1], (s, t, t)[k]) for k in range(3))
+    )
+
+
+@cache
 def turned_legs(reverses: bool) -> MotionKind:
     """Return the kind of legs between places, times and headings, of robots that reverse or do not."""
 
     @inlined
-    def heading_of(motions, i):  # type: ignore[no-untyped-def]
-        """Return the heading along a leg, the turns at its ends [rad], and whether it is driven backwards."""
+    def headings_of(motions, i):  # type: ignore[no-untyped-def]
+        """Return the headings before, along and after a leg [rad], and whether it is driven backwards."""
         ax, ay, _, bx, by, _ = _ends(motions, i)
         before = motions.tails[i, 3]
         after = motions.heads[i, 3]
@@ -131,66 +180,35 @@ def turned_legs(reverses: bool) -> MotionKind:
             way = math.atan2(by - ay, bx - ax)
             back = backwards(way, before, after, reverses)
             way = wrapped(way + math.pi) if back else way
-        return way, wrapped(way - before), wrapped(after - way), back
+        return (before, way, after), back
 
     @inlined
     def cut(motions, i, share):  # type: ignore[no-untyped-def]
         """End a leg after a share of it, as it is headed there: it has arrived."""
-        motions.heads[i, 3] = heading_of(motions, i)[0]
+        motions.heads[i, 3] = headings_of(motions, i)[0][1]
         _cut(motions, i, share)
 
     @kernel
     def between(motions, i, share, out):  # type: ignore[no-untyped-def]
         for k in range(3):
             out[k] = motions.path[i, k] + share * (motions.path[i, 3 + k] - motions.path[i, k])
-        out[3] = heading_of(motions, i)[0]
+        out[3] = headings_of(motions, i)[0][1]
         return share >= 0.0  # numba hands no literal to Python
 
     @cache
     def certify_for(space: SpaceKernels, moving: MovingKernels | None) -> Any:
-        certify_piece, certify_turn = space.certify_piece, space.certify_turn
-        among, (certify_leg, turn_among) = moving is not None, (moving or NOTHING_MOVES)[-2:]
-
-        @kernel
-        def turn_is(around, pose, angle, t, patient):  # type: ignore[no-untyped-def]
-            verdict = certify_turn(around.static, pose, angle, patient)
-            return min(verdict, turn_among(around.traffic, pose, angle, t)) if among and verdict != BLOCKED else verdict
-
-        @kernel
-        def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-            ax, ay, s, bx, by, t = _ends(motions, i)
-            way, first, last, back = heading_of(motions, i)
-            verdict = turn_is(around, (ax, ay, way - first), first, s, patient)
-            if verdict != BLOCKED:
-                verdict = min(verdict, turn_is(around, (bx, by, way), last, t, patient))
-            if verdict != BLOCKED and (ax != bx or ay != by):
-                tail, head = ((bx, by), (ax, ay)) if back else ((ax, ay), (bx, by))
-                verdict = min(verdict, certify_piece(around.static, tail, head, patient))
-            if among and verdict != BLOCKED:
-                verdict = min(verdict, certify_leg(around.traffic, (ax, ay, s, bx, by, t), way))
-            return verdict
-
-        return certify
+        judged = free_turning(space, moving)
+        return inlined(
+            lambda motions, i, around, patient: judged(around, _ends(motions, i), *headings_of(motions, i), patient)
+        )
 
     def kernels(around: Surroundings) -> MotionKernels:
         certify = certify_for(around.static.kernels, around.traffic.kernels)
         return MotionKernels(_entry, cut, certify, _pairs_of(around.classes.kernels), _most, between)
 
     def free(motions: Legs, i: int, space: FreeSpace) -> bool:
-        ax, ay, s, bx, by, t = motions.path[i].tolist()
-        way, first, last, back = heading_of(motions, i)
-        begin, tail = (np.array([ax, ay, heading]) for heading in (way - first, way))
-        head, end = (np.array([bx, by, heading]) for heading in (way, way + last))
-        collision: Any = space.collision
-        piece = np.array([head[:2], tail[:2]] if back else [tail[:2], head[:2]])
-        return bool(
-            (np.array_equal(*piece) or collision.segments_free(piece[:1], piece[1:])[0])
-            and collision.turn_free(begin, first)
-            and collision.turn_free(head, last)
-            and not space.moving.meets(begin, s, tail, s)
-            and not space.moving.meets(tail, s, head, t)
-            and not space.moving.meets(head, t, end, t)
-        )
+        leg = tuple(motions.path[i].tolist())
+        return is_free_turning(space.collision, space.moving, leg, *headings_of(motions, i))
 
     return MotionKind(kernels, free, _trajectory)
 

@@ -18,9 +18,11 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, backwards, turns_of, wrapped
 from pirrht.geometry.scene import Scene
-from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
+from pirrht.geometry.space import SpaceKernels
+from pirrht.geometry.world import NoMoving
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
+from pirrht.steering.legs import free_turning, is_free_turning
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.steering.straight_line import Tracked, connect_lines, velocity_at
 from pirrht.steering.tuning import TUNING
@@ -84,12 +86,15 @@ def lines_with_turns(reverses: bool) -> MotionKind:
         return wrapped(way + math.pi) if back else way, back
 
     @inlined
-    def end_of(motions, i):  # type: ignore[no-untyped-def]
+    def as_leg(motions, i):  # type: ignore[no-untyped-def]
+        """Return it as `legs.free_turning` takes it, without times."""
         length = motions.length[i, 0]
         x, y = motions.start[i, 0], motions.start[i, 1]
         way = motions.start[i, 2]
+        heading, back = heading_along(motions, i)
+        leg = x, y, 0.0, x + length * math.cos(way), y + length * math.sin(way), 0.0
 
-        return x + length * math.cos(way), y + length * math.sin(way)
+        return leg, (motions.tails[i, 2], heading, motions.heads[i, 2]), back
 
     @part
     def cut(motions, i, s):  # type: ignore[no-untyped-def]
@@ -111,28 +116,8 @@ def lines_with_turns(reverses: bool) -> MotionKind:
 
     @cache
     def certify_for(space: SpaceKernels) -> Any:
-        certify_piece, certify_turn = space.certify_piece, space.certify_turn
-
-        @kernel
-        def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-            static = around.static
-            heading, back = heading_along(motions, i)
-            x, y, _ = motions.start[i]
-            ex, ey = end_of(motions, i)
-            verdict = FREE
-            if motions.length[i, 0] > 0.0:
-                verdict = certify_piece(static, (ex, ey), (x, y), patient) if back else certify_piece(
-                    static, (x, y), (ex, ey), patient
-                )  # fmt: skip
-            if verdict == FREE or (patient and verdict != BLOCKED):
-                turn = wrapped(heading - motions.tails[i, 2])
-                verdict = min(verdict, certify_turn(static, (x, y, motions.tails[i, 2]), turn, patient))
-            if verdict == FREE or (patient and verdict != BLOCKED):
-                turn = wrapped(motions.heads[i, 2] - heading)
-                verdict = min(verdict, certify_turn(static, (ex, ey, heading), turn, patient))
-            return verdict
-
-        return certify
+        judged = free_turning(space, None)
+        return inlined(lambda motions, i, around, patient: judged(around, *as_leg(motions, i), patient))
 
     def kernels(around: Surroundings) -> MotionKernels:
         curves = ARCS.kernels(around)
@@ -141,17 +126,7 @@ def lines_with_turns(reverses: bool) -> MotionKind:
         return MotionKernels(curves.entry, cut, certify, curves.pairs, curves.most, between)
 
     def free(motions: Turned, i: int, space: FreeSpace) -> bool:
-        heading, back = heading_along(motions, i)
-        collision: Any = space.collision
-        tail = motions.start[i, :2]
-        head = np.array(end_of(motions, i))
-        pieces = np.array([head, tail] if back else [tail, head])
-        first = np.append(tail, motions.tails[i, 2])
-        return bool(
-            (motions.length[i, 0] == 0.0 or collision.segments_free(pieces[:1], pieces[1:])[0])
-            and collision.turn_free(first, wrapped(heading - first[2]))
-            and collision.turn_free(np.append(head, heading), wrapped(motions.heads[i, 2] - heading))
-        )
+        return is_free_turning(space.collision, NoMoving(), *as_leg(motions, i))
 
     return MotionKind(kernels, free, ARCS.trajectory)
 

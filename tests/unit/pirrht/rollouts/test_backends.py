@@ -54,7 +54,7 @@ CASES = {
     "rectangle of a car among moving": (CROSSING, CAR, InTime.of),
     "rectangle of a rover among moving": (CROSSING, ROVER, InTime.of),
 }  # fmt: skip
-RARE = ("rectangle of a car", *[name for name in CASES if "r among moving" in name])  # whose kernels take long to compile
+RARE = ("rectangle of a car", *[name for name in CASES if "r among moving" in name])  # which take long to compile
 EVERY = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in RARE else []) for name in CASES]
 )
