@@ -185,13 +185,12 @@ def turned_back(c, s, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _clearance_of_disc(moving, i, k, seen):  # type: ignore[no-untyped-def]
-    """Return the clearance [m] of disc or group i of a robot `_seen` in an obstacle's frame from its solid k."""
-    u, v, c, s = seen
-    at = moving.discs + 8 * DISC * i
+def _disc(moving, i, seen):  # type: ignore[no-untyped-def]
+    """Return where disc or group i of a robot `_seen` in an obstacle's frame is, and its radius beyond the least [m]."""
+    (u, v, c, s), at = seen, moving.discs + 8 * DISC * i
     a = load_float64(at, 0)
     b = load_float64(at, 1)
-    return clearance_of_solid(moving, k, u + (c * a - s * b), v + (s * a + c * b)) - load_float64(at, 2)
+    return u + (c * a - s * b), v + (s * a + c * b), load_float64(at, 2)
 
 
 @inlined
@@ -211,15 +210,17 @@ def _nearest(moving, j, seen):  # type: ignore[no-untyped-def]
     best, which, disc = moving.cutoff, -1, -1
     for g in range(moving.groups):
         row = moving.discs + 8 * DISC * g
+        u, v, radius = _disc(moving, g, seen)
         for k in solids_of(moving, j):
-            d = _clearance_of_disc(moving, g, k, seen)
+            d = clearance_of_solid(moving, k, u, v) - radius
             if d >= best:
                 continue
             if d >= moving.near:
                 best, which, disc = d, k, g
                 continue
             for i in range(np.int64(load_float64(row, 4)), np.int64(load_float64(row, 5))):
-                d = _clearance_of_disc(moving, i, k, seen)
+                p, q, r = _disc(moving, i, seen)
+                d = clearance_of_solid(moving, k, p, q) - r
                 if d < best:
                     best, which, disc = d, k, i
     return best, which, disc
@@ -243,14 +244,11 @@ def wall_facing(moving, j, body, pose):  # type: ignore[no-untyped-def]
     best, which, disc = _nearest(moving, j, seen)
     if which < 0:
         return best, 0.0, 0.0, 0.0, 0.0, 0.0
-    u, v, ahead, aside = seen
-    at = moving.discs + 8 * DISC * disc
-    a = load_float64(at, 0)
-    b = load_float64(at, 1)
-    du = ahead * a - aside * b
-    dv = aside * a + ahead * b
+    u, v, _ = _disc(moving, disc, seen)
+    du = u - seen[0]
+    dv = v - seen[1]
 
-    ex, ey, gx, gy = offset_of_solid(moving, which, u + du, v + dv)
+    ex, ey, gx, gy = offset_of_solid(moving, which, u, v)
     size = max(math.sqrt(gx * gx + gy * gy), 1e-300)
     gx, gy = gx / size, gy / size
     ex, ey = ex - du, ey - dv

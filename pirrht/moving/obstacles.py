@@ -77,9 +77,7 @@ class MovingObstacleArrays(Held, ObstacleNumbers):
 
     def with_motions(self, movers: Sequence[Mover]) -> "MovingObstacleArrays":
         """Return these obstacles on other motions; shapes, FCL's included, are shared: one thread at a time asks."""
-        names = ("solid", "form", "corner", "table", "pitch", "height", "robot", "discs", "groups", "near", "reach")
-        known = self.contents
-        rest = (*(known[name] for name in names), self.excess)
+        rest = [*self.contents.values()][ObstacleNumbers._fields.index("solid") : -2]
         return self._holding(movers, rest, self.cutoff, self.collision.with_motions(movers))
 
     @classmethod
