@@ -22,6 +22,7 @@ from pirrht.estimation.sampling import ONCE, Effort
 from pirrht.jit.jit import mapped
 from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
+from pirrht.planner.tuning import TUNING as PLANNER
 from pirrht.problem import Problem
 from pirrht.proposals.fitted_law import LawFit, chosen
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
@@ -244,7 +245,7 @@ class ProposalBuilder:
         """Return the best guide of every class from x (n,), None where there is none; remember all local optima.
 
         The first guides of a run are improved from all initialisations. If time is short, new classes get none,
-        except the cheapest, which is improved as long as there is time. Hopeless classes of tracked paths get none.
+        except the cheapest, which is improved as long as there is time. Hopeless classes get none.
         """
         guidance, starts, short = self.integral.proposals.nominal, run.starts, budget.short
         classes = from_start(run, references)
@@ -260,7 +261,9 @@ class ProposalBuilder:
             late = k > 0 and short()
 
             waits = k > 0 and run.retries.waits(names[k])
-            if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and (late or waits)):
+            saving = PLANNER.saving if one.trajectory.slack is None else 0.0  # tracked paths cost less than what tracks
+            hopeless = k > 0 and (1.0 - saving) * one.cost > bound
+            if hopeless or (not last and (late or waits)):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.route.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
@@ -277,7 +280,7 @@ class ProposalBuilder:
 
         found = [] if starts.optima else [improved(0)]
         known = [some[0].penalised for some in [*starts.optima.values(), *found] if some and some[0].valid]
-        bound = guidance.hopeless(min(known, default=np.inf))  # of tracked paths, which cost less than what tracks them
+        bound = guidance.hopeless(min(known, default=np.inf))
         found += mapped(improved, range(len(found), len(references)), self.integral.threads)
         starts.keep_optima(dict(zip(classes, found, strict=True)))
         for name, one in zip(names[1:], classes[1:], strict=True):
