@@ -2,8 +2,8 @@
 
 There its shape is static, and distances are those from any static obstacle. Seen from a pose, a distance changes no
 faster than the body: by its speed and its turning times its reach. So a distance known at one pose and time leaves a
-cone that is surely free, and another is measured only where that is not enough: whether one passes over the robot, too,
-is told by distances at both ends of ever shorter pieces. A motion that starts over somewhere else jumps: earlier
+cone that is surely free, and another is measured only where that is not enough. Distances at both ends of ever shorter
+pieces decide whether an obstacle passes over the robot. A motion that starts over somewhere else jumps: earlier
 distances say nothing afterwards, and nothing is between.
 """
 

@@ -186,7 +186,7 @@ def turned_back(c, s, dx, dy):  # type: ignore[no-untyped-def]
 
 @inlined
 def _disc(moving, i, seen):  # type: ignore[no-untyped-def]
-    """Return where disc or group i of a robot `_seen` in an obstacle's frame is, and its radius beyond the least [m]."""
+    """Return place and radius beyond the least [m] of disc or group i of a robot `_seen` in an obstacle's frame."""
     (u, v, c, s), at = seen, moving.discs + 8 * DISC * i
     a = load_float64(at, 0)
     b = load_float64(at, 1)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from moving import SCENES, busy, clearance_among
 
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import NEVER
 from pirrht.geometry.world import WALL
@@ -15,6 +16,9 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.distances import disc_of, fastest_of, moving_clearance
 from pirrht.moving.exits import LISTING, SEEN, Watch, sweep, walls, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
+
+CART = Footprint.rectangle(1.0, 0.4, 0.1)
+HEXAGON = Footprint.polygon([(0.4, 0.0), (0.2, 0.3), (-0.2, 0.3), (-0.4, 0.0), (-0.2, -0.3), (0.2, -0.3)])
 
 
 def truth(scene: Scene, place: np.ndarray, time: float) -> float:
@@ -58,6 +62,31 @@ def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
                 )
                 seen += 1
     assert seen > 30
+
+
+@pytest.mark.parametrize("footprint", [CART, HEXAGON], ids=["cart", "hexagon"])
+def test_a_polygon_meets_what_it_touches_or_passes_within_a_centimetre(footprint):
+    """Boxes, discs and meshes that turn: clearance, its change with pose and time, and where a step meets one."""
+    world, rng, h, met = replace(busy(), footprint=footprint), np.random.default_rng(4), 1e-7, 0
+    traffic, exact, off = MovingObstacleArrays.of(world), MovingObstacles(world.movers, footprint), []
+    for _ in range(300):
+        pose, t = rng.uniform([0.8, 0.3, -7.0], [5.2, 3.7, 7.0]), rng.uniform(0.0, 1.0)
+        found, right = traffic.clearance(tuple(pose), t), min(exact.clearance(pose, t), traffic.cutoff)
+        assert found <= right or right == 0.0
+        assert found > right - (0.01 if right < 0.09 else 0.06) or right == 0.0
+        if found <= 0.0:
+            continue
+        for _, *away, vx, vy in traffic.walls(tuple(pose), t, found + 1e-9):
+            rises = [traffic.clearance(tuple(pose + h * one), t) - found for one in np.eye(3)]
+            rises.append(traffic.clearance(tuple(pose), t + h) - found)
+            off.append(np.abs(np.array(rises) / h - [*away, -away[0] * vx - away[1] * vy]).max())
+        step = rng.uniform([-0.3, -0.3, -0.6], [0.3, 0.3, 0.6])
+        hit = sweep(traffic, watch(traffic), (tuple(pose), tuple(pose + step), 0.0), t, 0.1, 1.0)
+        least = min(exact.clearance(pose + s * step, t + 0.1 * s) for s in min(hit, 1.0) * np.linspace(0.0, 1.0, 60))
+        met += hit < NEVER
+        assert least < 0.02 if hit < NEVER else least > 0.0
+    assert met > 10
+    assert np.mean(np.array(off) > 0.05) < 0.1  # at corners, and where motions change
 
 
 def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
