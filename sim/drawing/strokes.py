@@ -20,6 +20,7 @@ from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting.strokes import fading, interpolated, lengths, outline
+from pirrht.steering.motion import SPACING
 from pirrht.topology.signature import OTHER, Signature
 from sim.states import adapter_of
 
@@ -129,14 +130,14 @@ def heavy_ends(footprint: Footprint, fan: Fan) -> Array:
 
 
 def along_reference(tree: HomologyTree, path: Any, count: int) -> Array:
-    """Return poses at equal distances along a path of a tree whose vertices are poses, (count, 3); it may reverse."""
+    """Return poses at equal distances along a path of a tree whose vertices have a heading, (count, 3)."""
     between = tree.checker.kernels.between
-    passed = np.cumsum([0.0, *path.length.sum(axis=1)])
-    poses = np.empty((count, 3))
-    for pose, at in zip(poses, np.linspace(0.0, passed[-1], count), strict=True):
+    passed = np.cumsum([0.0, *(np.hypot(*np.diff(line, axis=0).T).sum() for line in path.points(SPACING))])
+    states = np.empty((count, tree.steering.n))
+    for state, at in zip(states, np.linspace(0.0, passed[-1], count), strict=True):
         i = min(int(np.searchsorted(passed, at, side="right")) - 1, len(path.tails) - 1)
-        between(path, i, (at - passed[i]) / max(passed[i + 1] - passed[i], 1e-9), pose)
-    return poses
+        between(path, i, (at - passed[i]) / max(passed[i + 1] - passed[i], 1e-9), state)
+    return states[:, tree.steering.reads(tree.space)]
 
 
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
