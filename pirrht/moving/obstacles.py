@@ -57,9 +57,8 @@ class MovingObstacleArrays(Held, ObstacleNumbers):
     @classmethod
     def of(cls, scene: Scene) -> "MovingObstacleArrays":
         """Gather the moving obstacles of a scene; J may be 0."""
-        return cls.around(
-            scene.footprint, scene.movers, max(TUNING.cutoff_radii * scene.footprint.radius, TUNING.min_cutoff)
-        )
+        radius = scene.footprint.radius if scene.footprint.is_disc else 0.0  # lattices are finer for a polygon's discs
+        return cls.around(scene.footprint, scene.movers, max(TUNING.cutoff_radii * radius, TUNING.min_cutoff))
 
     @classmethod
     def around(cls, footprint: Footprint, movers: Sequence[Mover], cutoff: float) -> "MovingObstacleArrays":

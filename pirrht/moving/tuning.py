@@ -10,7 +10,7 @@ class MovingTuning(NamedTuple):
     table_points: int = 1_000_000  # of all tables, which get coarser beyond: 8 bytes and some microseconds of FCL each
     cover_share: float = 0.9  # of the excess of a polygon that its discs take; the rest is for tables
     cutoff_radii: float = 8.0  # clearances are reported up to so many robot radii: walls farther away do not matter
-    min_cutoff: float = 1.0  # or up to this, if that is more [m]
+    min_cutoff: float = 1.0  # or up to this, if that is more; for a polygon, only to this [m]
     stride: float = 5e-3  # of a march on where nothing is certain [m]: most such steps soon end inside beyond doubt
     certain: float = 1e-5  # so close a march may come where distances are closed forms [m]
     skin: float = 1.0  # obstacles are listed so much further away than required [m]: fewer new lists of longer ones
