@@ -112,7 +112,7 @@ class Controller(Policy):
         except NoReference:
             if run.planned or self.space.scene.movers:
                 return blocked_plan(self.brake, x, run, self.space, "no reference")
-            run.query(None)
+            run.queried = None
             raise
         # line 4: u <- PathIntegral(x_cur, U_in)
         draft = self.proposals.draft(x, references, run, budget)

@@ -359,9 +359,10 @@ class HomologyTree:
         maps.lines(axes, self.best_edges(PLOTTING.spacing), maps.TREE, width=0.4, opacity=0.6, zorder=2)
 
         colors = ClassColors(one.id for one in references)
-        lines = [one.trajectory.points for one in references]
+        paths = [one.trajectory for one in references]
         labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
-        maps.classes(axes, lines, labels, [colors[one.id] for one in references], title="class: cost")
+        hues = [colors[one.id] for one in references]
+        maps.classes(axes, self.space.scene.body, paths, labels, hues, title="class: cost")
         axes.set_title(f"{maps.literal(self.space.scene.name)}: {self.size} vertices", fontsize=10)
         return axes
 

@@ -4,6 +4,7 @@ A robot that is no disc is headed along a leg, or backwards along it; at its end
 """
 
 import math
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -210,7 +211,10 @@ def turned_legs(reverses: bool) -> MotionKind:
         leg = tuple(motions.path[i].tolist())
         return is_free_turning(space.collision, space.moving, leg, *headings_of(motions, i))
 
-    return MotionKind(kernels, free, _trajectory)
+    def trajectory(steering: Any, path: Legs) -> Trajectory:
+        return replace(_trajectory(steering, path), between=between, reads=(0, 1, 3))
+
+    return MotionKind(kernels, free, trajectory)
 
 
 @inlined
