@@ -96,8 +96,6 @@ class Problem:
                 f"{self.scene.footprint} turns, and {type(self.dynamics).__name__} has no heading among its states "
                 f"{', '.join(self.dynamics.states)}; choose a disc, or a system with one"
             )
-        if not self.scene.footprint.is_disc and self.scene.movers:
-            raise OptionError(f"among moving obstacles a robot is a disc; {self.scene.footprint} is none")
 
     def __repr__(self) -> str:
         rate = "q(x)" if callable(self.q) else f"q {self.q:g}"

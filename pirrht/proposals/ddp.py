@@ -35,7 +35,7 @@ def optimiser(kind: KernelSpec) -> Any:
     noisy_position = kind.noisy_position
     moving = kind.moving is not None
 
-    watch, _, _, _, sweep_among, _, _ = kind.moving or NOTHING_MOVES
+    watch, _, _, _, sweep_among, *_ = kind.moving or NOTHING_MOVES
     pose, sweep, place = pose_at(kind.reads), kind.space.sweep, pose_at(kind.position)
     between, product = algebra(len(kind.position))
     planar = len(kind.position) == 2
@@ -58,11 +58,7 @@ def optimiser(kind: KernelSpec) -> Any:
                 turn = turn_of(place(f[0]), place(f[1]), way, dt)
             outcome, _, _ = sweep(setup.world, here, there, turn, 0.0)
             if outcome == COLLISION or (
-                moving
-                and sweep_among(
-                    setup.world.moving, notes, (here[0], here[1], there[0], there[1], turn), times[i], dt, 1.0
-                )
-                <= 1.0
+                moving and sweep_among(setup.world.moving, notes, (here, there, turn), times[i], dt, 1.0) <= 1.0
             ):
                 return False
         return True
