@@ -25,7 +25,6 @@ from pirrht.geometry.space import BLOCKED, FREE, UNSURE, Space, at_states
 from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.topology.choice import continued_in, obstacles_of, signature_of
-from pirrht.topology.nerve import openings
 from pirrht.topology.obstacles import Component
 from pirrht.topology.signature import Signature
 
@@ -162,19 +161,8 @@ class FreeSpace:
         return bool(self.scene.goal.contains(x[: self.scene.dimension]))
 
     def passages(self) -> Passages:
-        """Find the places where obstacles face each other with clearance for the robot between.
-
-        In space none are named; there the axis leads through what classes are about.
-        """
-        if self.scene.dimension == 2:
-            return find_passages(self.field, self.collision)
-        clearance = self.static.kernels.clearance
-        return replace(
-            NO_PASSAGES,
-            axis=openings(
-                self.obstacles, lambda place: float(clearance(self.static, tuple(place))), self.scene.robot_radius
-            ),
-        )
+        """Find the places where obstacles face each other with clearance for the robot between; none in space."""
+        return find_passages(self.field, self.collision) if self.scene.dimension == 2 else NO_PASSAGES
 
     def margin_left(self, x: Array) -> float | None:
         """Return a margin [m] that leaves a path from a state x (n,) to the goal, 0 for none, where this one does not.

@@ -10,7 +10,7 @@ A common point certifies an edge or a triangle. A triangle that is missed costs 
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import xor
@@ -329,37 +329,3 @@ def continued_loops(collision: Collision, before: Sequence[Component], named: in
     nowhere = 2.0 * collision.world.upper - collision.world.lower + np.eye(3)
     gone = Loop(members=(), names=(), marker=nowhere[0], joins_border=False, corners=nowhere)
     return numbered(before, kept, chains.found(known), gone, named)
-
-
-def openings(parts: Sequence[Component], clearance: Callable[[Array], float], radius: float) -> Array:
-    """Return places (l, 3) [m] in the openings of polygons and before and behind them, for draws of a tree.
-
-    Each has the greatest clearance [m] near it along the polygon's plane; steps are of the robot's radius [m].
-    """
-    found = []
-    for corners in (part.corners for part in parts if isinstance(part, Loop) and part.members):
-        middle = corners.mean(axis=0)
-        area = np.cross(corners - middle, np.roll(corners, -1, axis=0) - middle).sum(axis=0)
-        normal = area / max(float(np.linalg.norm(area)), 1e-300)
-        plane = np.linalg.svd(normal[None])[2][1:]
-        moves = np.vstack([plane, -plane])
-
-        def centred(place: Array, moves: Array = moves) -> tuple[Array, float]:
-            best, step = clearance(place), radius
-            while step > TUNING.opening_grain * radius:
-                tried = place + step * moves
-                clear = [clearance(point) for point in tried]
-                if max(clear) > best:
-                    best, place = max(clear), tried[int(np.argmax(clear))]
-                else:
-                    step *= 0.5
-            return place, best
-
-        for sign in (1.0, -1.0):
-            place, clear = centred(middle)
-            for _ in range(TUNING.opening_steps):
-                if clear <= 0.0:
-                    break
-                found.append(place)
-                place, clear = centred(place + sign * radius * normal)
-    return np.array(found).reshape(-1, 3)

@@ -9,8 +9,6 @@ class TopologyTuning(NamedTuple):
     cut_rounds: int = 100  # parts cut off before two inflated shapes count as apart: each takes 37 % of the area
     meeting_rounds: int = 100  # moves of a point into sets that may meet, at each depth
     meeting_shift: float = 0.1  # of the places where it starts [robot radii]
-    opening_steps: int = 5  # places to each side of an opening, a robot radius apart, the middle included
-    opening_grain: float = 0.05  # to which the middle of an opening is found [robot radii]
     few_markers: int = 8  # up to so many markers are all tested: measured as faster than finding their sector
     sector_margin: float = 1e-9  # sectors are widened by so much for rounding, of 4 for a whole turn
     goal_margin: float = 1e-6  # a segment that passes the goal point this close, against its length, tests all markers

@@ -10,7 +10,7 @@ from spaces import bar, box, framed, in_space, mixed, pillars, solid, window
 from pirrht.geometry.blocks import lattice
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Scene
-from pirrht.topology.nerve import Loop, continued_loops, loops, openings
+from pirrht.topology.nerve import Loop, continued_loops, loops
 
 SPACING = 0.1
 SURE = (4, 6, 8, 15, 17, 27, 43, 49)  # seeds of scenes whose Betti numbers voxels can tell
@@ -100,14 +100,3 @@ def test_chains_keep_their_numbers_while_their_polygons_stay_inside_of_solids():
     assert after("pillar 1", add=[more]) == [names[0], (), *names[2:], ("pillar 4", "workspace")]
     lost = (before[0], *continued_loops(Collision(bar().world, bar().footprint), before[1:2], named=1)[:1])
     assert after("pillar 1", add=[more], since=lost)[:2] == [names[0], names[2]]
-
-
-def test_openings_lie_in_the_hole_of_a_window_and_on_both_sides_of_it():
-    scene = window()
-    collision = Collision(scene.world, scene.footprint)
-    places = openings(found(scene), lambda place: float(collision.clearance(place[None])[0]), scene.robot_radius)
-    np.testing.assert_allclose(places[0], [3.0, 2.0, 1.0], atol=0.02)
-    assert collision.clearance(places).min() > 0.14
-    assert places[:, 0].min() < 2.3
-    assert places[:, 0].max() > 3.7
-    assert not len(openings([], lambda place: 1.0, 0.2))
