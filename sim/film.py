@@ -23,8 +23,9 @@ from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.plotting.colors import ClassColors, Color, blend, rgb
+from pirrht.plotting.strokes import rings
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, title
-from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen, heavy_ends, rings
+from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen, heavy_ends
 from sim.drive.metrics import Frame
 from sim.extras import require
 from sim.files import replaced

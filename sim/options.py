@@ -20,7 +20,7 @@ PLAN_STEPS = 1e9  # steps of all paths of a plan at most
 TAIL = 40.0  # paths are cut so many lambda after the cheapest reference (`pirrht.estimation.sampler`)
 DOUBLINGS = 16  # of --samples under --target-error, without --budget
 DAILY = {  # options that `--help` of a command with a scene lists
-    "scene", "scenes", "robot", "start", "goal", "noise", "speed", "seed", "method", "risk", "preset", "samples",
+    "scene", "scenes", "robot", "footprint", "start", "goal", "noise", "seed", "method", "risk", "preset", "samples",
     "vertices", "real-time", "output", "png", "at", "repeat", "truth", "record", "video", "view", "headless", "script",
     "methods", "seeds", "jobs", "json",
 }  # fmt: skip

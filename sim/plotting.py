@@ -15,10 +15,10 @@ from pirrht.errors import OptionError
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting import maps
-from pirrht.plotting.colors import ClassColors, Color, rgb
+from pirrht.plotting.colors import ClassColors, rgb
 from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.colors import NAMED, labels, passing, title
-from sim.drawing.strokes import along_reference, rings, timed
+from sim.drawing.strokes import timed
 from sim.files import replaced
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 WIDE, HIGH = 36, 30  # characters of a line of the legend, and lines of one of its columns
 ENDINGS = (".png", ".pdf", ".svg")
 MOST, SHOWN = 8, 16  # moments on a map, and classes in a figure of lengths
-GHOSTS = 7  # outlines of a robot with corners along each reference
 APART = 0.022  # from each other that numbers are at least, over the width of the map
 
 
@@ -44,13 +43,12 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     sides = [wrap(maps.literal(", ".join(words)), WIDE) for words in passing(references, tree.homology, scenario.names)]
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     rows = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
-    for reference in references if not scene.body.is_disc else ():
-        poses = along_reference(tree, reference.path, GHOSTS + 1)[1:]  # the start is drawn already
-        outlined(axes, rings(scene.body, poses), colors[reference.id], 0.8, zorder=5)
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
-    lines = [r.trajectory.points for r in references]
+    paths = [r.trajectory for r in references]
     hues = [colors[r.id] for r in references]
-    maps.classes(axes, lines, rows, hues, title="class: cost", ncols=1 + "\n".join(rows).count("\n") // HIGH)
+    maps.classes(
+        axes, scene.body, paths, rows, hues, title="class: cost", ncols=1 + "\n".join(rows).count("\n") // HIGH
+    )
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
     axes.set_title(f"{maps.literal(scene.name)}: {counts}", fontsize=10)
@@ -100,12 +98,6 @@ def draw_scene(axes: Any, scenario: "Scenario") -> None:
         start = states.above(scene.start)
         tip = start + scene.robot_radius * 1.6 * ahead
         axes.annotate("", tip, start, arrowprops={"arrowstyle": "->", "lw": 1.2})
-
-
-def outlined(axes: Any, drawn: Array, color: Color, width: float, *, zorder: float) -> None:
-    """Draw outlines of the robot (k, c, 2)."""
-    for ring in drawn:
-        axes.plot(*ring.T, color=rgb(color), lw=width, zorder=zorder)
 
 
 def draw_moments(axes: Any, scenario: "Scenario", references: Sequence[Reference], colors: ClassColors) -> float:

@@ -126,8 +126,8 @@ class SceneOptions:
                          "a `sim.systems.System`, or a function that returns one, from a module here or installed",
                          "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
-    footprint: Any = stated(None, "shape from above: jackal, turtlebot4, car or LENGTHxWIDTH[@OFFSET] [m], its middle "
-                            "OFFSET ahead of x, y", "SHAPE", unset="the robot's")
+    footprint: Any = stated(None, "jackal, turtlebot4, car or LENGTHxWIDTH[@OFFSET] [m], middle OFFSET ahead of x, y",
+                            "SHAPE", unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
                                         "narrow passages")

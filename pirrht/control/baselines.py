@@ -135,7 +135,7 @@ class Mppi(Policy):
         plan = Plan(
             state=x, times=self.times, references=(), ids=(), estimate=estimate, replay=self.path_integral.replay,
             fallback="no survivor" if estimate is None else None, instead=tape if estimate is None else None,
-            time=run.clock.time, space=self.space, movers=run.route.movers,
+            time=run.clock.time, space=self.space, dynamics=self.problem.dynamics, movers=run.route.movers,
         )  # fmt: skip
         self._tape = plan.tape
         run.clock.planned(estimated=False)

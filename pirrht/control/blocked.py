@@ -133,5 +133,6 @@ def blocked_plan(
     return Plan(
         state=x, times=halt.times, references=tuple(references),
         ids=() if batch is None else tuple(batch.classes.values()), estimate=None, fallback=why, stops=brake.stops,
-        instead=halt.tape, law=halt.law, time=run.clock.time, space=space, movers=run.route.movers,
+        instead=halt.tape, law=halt.law, time=run.clock.time, space=space, dynamics=brake.problem.dynamics,
+        movers=run.route.movers,
     )  # fmt: skip

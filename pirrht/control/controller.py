@@ -108,11 +108,11 @@ class Controller(Policy):
         x = world.off_walls(x, self.problem.dynamics.reads(world.static.kernels.turns), run.now, gap)
         budget = TimeBudget(left, settings.tuning)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
-            references = extract_references(self.tree, x, run, budget, settings, self.path_integral.threads)
+            references = extract_references(self.tree, x, run, budget, settings, self.path_integral)
         except NoReference:
             if run.planned or self.space.scene.movers:
                 return blocked_plan(self.brake, x, run, self.space, "no reference")
-            run.query(None)
+            run.queried = None
             raise
         # line 4: u <- PathIntegral(x_cur, U_in)
         draft = self.proposals.draft(x, references, run, budget)

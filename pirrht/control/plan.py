@@ -35,6 +35,7 @@ from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, ProposalControl
+from pirrht.systems.dynamics import Dynamics
 from pirrht.traits import Traits
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
@@ -62,6 +63,7 @@ class Plan:
         time: of the run, at which the plan starts [s].
         exact: v at the state [cost], where it is known without samples.
         space: the free space, for pictures.
+        dynamics: the system, for pictures.
         movers: moving obstacles as predicted, on the run's clock.
 
     Examples:
@@ -89,6 +91,7 @@ class Plan:
     time: float = 0.0
     exact: float | None = None
     space: FreeSpace | None = None
+    dynamics: Dynamics | None = None
     movers: tuple[Mover, ...] = ()
 
     def __repr__(self) -> str:
@@ -108,7 +111,7 @@ class Plan:
         return {**({} if self.estimate is None else self.estimate.class_weights), **(self.shares or {})}
 
     def plot(self, *, samples: int = 60, axes: Any = None) -> Any:
-        """Draw the state, the reference of every class, samples and the control on a map of the scene.
+        """Draw the state, the reference of every class, samples and where the control moves to on a map of the scene.
 
         Args:
             samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
@@ -118,23 +121,28 @@ class Plan:
         from pirrht.plotting.colors import ClassColors
         from pirrht.plotting.tuning import TUNING as PLOTTING
 
-        if self.space is None:
+        if self.space is None or self.dynamics is None:
             raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
         axes = maps.of(self.space, self.time, axes, "plan.plot")
         maps.predicted(axes, self.movers, self.time)
-        for paths, share in self._heaviest(samples):
+        for drawn, share in self._heaviest(samples):
             maps.lines(
-                axes, paths, maps.SAMPLE, width=0.7, zorder=2,
+                axes, drawn, maps.SAMPLE, width=0.7, zorder=2,
                 opacity=PLOTTING.faint + (PLOTTING.strong - PLOTTING.faint) * share,
             )  # fmt: skip
 
         by = self.weights()
         colors = ClassColors(self.ids)
         shown = dict(zip(self.ids, self.references, strict=False))
-        lines = [one.trajectory.points for one in shown.values()]
+        body = self.space.scene.body
+        paths = [one.trajectory for one in shown.values()]
         labels = [f"{formatting.turns(id)}: {formatting.share(by[id]) if id in by else '-'}" for id in shown]
-        maps.classes(axes, lines, labels, [colors[id] for id in shown], title="class: weight")
-        maps.position(axes, self.state[:2], self.control)
+        maps.classes(axes, body, paths, labels, [colors[id] for id in shown], title="class: weight")
+        d, moved = self.dynamics, self.state
+        for _ in range(PLOTTING.arrow_steps):
+            moved = d.step(moved, self.control, np.zeros(d.m), PLOTTING.arrow / PLOTTING.arrow_steps)
+        maps.robots(axes, body, self.state[None, list(d.reads(True))], maps.INK)
+        maps.position(axes, d.place(self.state), d.place(moved))
         axes.set_title(f"{maps.literal(self.space.scene.name)} at {self.time:.2f} s", fontsize=10)
         return axes
 
@@ -152,18 +160,11 @@ class Plan:
                 states, steps = self.replay.trace(rollouts, chosen)
                 yield [path[: int(end) + 1, :2] for path, end in zip(states, steps, strict=True)], strength
 
-    @property
+    @cached_property
     def tape(self) -> Array:
         """Open-loop controls, one per rollout step, (T, m) (paper, end of IV-C)."""
-        return self.instead if self.instead is not None else self._replayed[0]
-
-    @property
-    def alive(self) -> Array:
-        """Weight of the samples still under way at each step, (T,); 1 without samples."""
-        return np.ones(len(self.tape)) if self.instead is not None else self._replayed[1]
-
-    @cached_property
-    def _replayed(self) -> tuple[Array, Array]:
+        if self.instead is not None:
+            return self.instead
         assert self.estimate is not None
         assert self.replay is not None
         return self.replay.tape(self.estimate.parts)

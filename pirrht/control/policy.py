@@ -63,7 +63,7 @@ class Policy(ABC):
         if self.run.held is not None:
             self.observe(x[None], self.run.held)
         plan = self.plan(x)
-        self.run.hold(dt)
+        self.run.held = dt
         return plan.control
 
     def begin(self, x: Array, time: float = 0.0) -> None:
@@ -134,7 +134,7 @@ class Policy(ABC):
                 "this is another run",
                 RuntimeWarning, stacklevel=3,
             )  # fmt: skip
-        self.run.query(x)
+        self.run.queried = x
         return x
 
     def _update_prediction(self, x: Array, budget: TimeBudget) -> None:

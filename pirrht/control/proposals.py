@@ -22,6 +22,7 @@ from pirrht.estimation.sampling import ONCE, Effort
 from pirrht.jit.jit import mapped
 from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
+from pirrht.planner.tuning import TUNING as PLANNER
 from pirrht.problem import Problem
 from pirrht.proposals.fitted_law import LawFit, chosen
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
@@ -106,7 +107,7 @@ class ProposalBuilder:
             counts = guidance.counts(guides, samples)
             predicted = [0.0] * len(counts)  # costs are too rough
             worth = [count > TUNING.few for count in counts]
-            run.starts.mark_sampled({one for one, enough in zip(classes, worth, strict=True) if enough})
+            run.starts.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
         if allocates:  # by contributions in earlier plans
             counts = run.shares.allocation.counts([*map(run.route.homology.name, classes)], predicted, worth, samples)
         return [*zip(controls, counts, strict=True)]
@@ -141,7 +142,7 @@ class ProposalBuilder:
         effort = self._effort(run, budget)
         batch = self.mixture(draft, run)
         integral.proposals.tables(batch)
-        run.effort.limit(budget.most_classes(len(batch.classes)))
+        run.effort.most = budget.most_classes(len(batch.classes))
         if self.learns:
             batch, estimate, drawn = self._rounds(draft, batch, seed, run, budget, effort)
         else:
@@ -195,16 +196,16 @@ class ProposalBuilder:
             estimate = self.integral.sample(batch, seed, left=left, effort=effort)
         except NoSurvivingSample:
             return None
-        run.effort.judged(weak=estimate.ess < TUNING.fit_enough)
+        run.effort.weak = estimate.ess < TUNING.fit_enough
         for name, weight in estimate.class_weights.items():
             if weight >= TUNING.fit_weight:
-                run.retries.hasten(name)
+                run.retries.due.pop(name, None)  # it is tried at the next plan
         if self.settings.use.mixes:
             run.shares.allocation.learn(batch, estimate)
         if self.learns:
             begun = budget.spent
             self._learn(batch, estimate, run)
-            run.effort.fitted(budget.spent - begun)
+            run.effort.fitting = budget.spent - begun
         return estimate
 
     def _learn(self, batch: Batch, estimate: Estimate, run: RunState) -> None:
@@ -236,7 +237,7 @@ class ProposalBuilder:
             for part, number, worth in estimate.split(own[found], counts):
                 applied = integral.replay.applied(part, number)
                 fit.learn(applied, worth, batch.proposals[h].lead.guide, timed=integral.moving)
-        starts.keep_fits(fits)
+        starts.fits = fits
 
     def _guides(
         self, x: Array, times: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget
@@ -244,7 +245,7 @@ class ProposalBuilder:
         """Return the best guide of every class from x (n,), None where there is none; remember all local optima.
 
         The first guides of a run are improved from all initialisations. If time is short, new classes get none,
-        except the cheapest, which is improved as long as there is time. Hopeless classes of tracked paths get none.
+        except the cheapest, which is improved as long as there is time. Hopeless classes get none.
         """
         guidance, starts, short = self.integral.proposals.nominal, run.starts, budget.short
         classes = from_start(run, references)
@@ -260,7 +261,9 @@ class ProposalBuilder:
             late = k > 0 and short()
 
             waits = k > 0 and run.retries.waits(names[k])
-            if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and (late or waits)):
+            saving = PLANNER.saving if one.trajectory.slack is None else 0.0  # tracked paths cost less than what tracks
+            hopeless = k > 0 and (1.0 - saving) * one.cost > bound
+            if hopeless or (not last and (late or waits)):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.route.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
@@ -277,7 +280,7 @@ class ProposalBuilder:
 
         found = [] if starts.optima else [improved(0)]
         known = [some[0].penalised for some in [*starts.optima.values(), *found] if some and some[0].valid]
-        bound = guidance.hopeless(min(known, default=np.inf))  # of tracked paths, which cost less than what tracks them
+        bound = guidance.hopeless(min(known, default=np.inf))
         found += mapped(improved, range(len(found), len(references)), self.integral.threads)
         starts.keep_optima(dict(zip(classes, found, strict=True)))
         for name, one in zip(names[1:], classes[1:], strict=True):
@@ -302,7 +305,7 @@ def plan_of(
     if settings.between == "classes":
         followed = controls_followed(batch, estimate)
         since = run.clock.since_estimate
-        shares.pool(pooled(integral.problem, shares.mixture, estimate, followed, push, since, settings.tuning))
+        shares.mixture = pooled(integral.problem, shares.mixture, estimate, followed, push, since, settings.tuning)
     mixture = shares.mixture
     law: Law | None = mixture
     if mixture is not None and settings.held is not None and push.offset > 0.0:
@@ -311,9 +314,9 @@ def plan_of(
         state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()), estimate=estimate,
         replay=integral.replay, fallback=None, law=law, classes=batch.named, time=run.clock.time, push=push,
         shares=None if mixture is None else mixture.weights(x, 0.0), followed=shares.followed, space=integral.space,
-        movers=run.route.movers,
+        dynamics=integral.problem.dynamics, movers=run.route.movers,
     )  # fmt: skip
     run.plan()
     if run.route.prediction is not None:
-        run.route.prefer(favourite_path(plan))
+        run.route.favourite = favourite_path(plan)
     return plan

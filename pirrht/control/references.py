@@ -8,6 +8,7 @@ from pirrht.arrays import Array
 from pirrht.control.run_state import ClassFromStart, RunState, from_start
 from pirrht.control.settings import ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.signature import integers
@@ -25,10 +26,14 @@ def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuni
 
 
 def extract_references(
-    tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
-) -> list[Reference]:
-    """Return the references at x (n,), cheapest first: those of the tree (Algorithm 5), and those left from guides."""
-    method = settings.use
+    tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings,
+    integral: PathIntegral,
+) -> list[Reference]:  # fmt: skip
+    """Return the references at x (n,), cheapest first: those of the tree (Algorithm 5), and those left from guides.
+
+    Once there are guides, paths of hopeless classes are not shortened.
+    """
+    method, threads = settings.use, integral.threads
     if tree is None or method.most == 0:
         return []
     driven = run.route.path.winding()
@@ -37,6 +42,7 @@ def extract_references(
         found = tree.references(
             tree.at(x, run.now), shortened=settings.shortened, before=before, over_budget=budget.short,
             threads=threads, most=run.effort.most,
+            hopeless=integral.guidance.hopeless if integral.guidance is not None and run.starts.optima else None,
         )  # fmt: skip
     except NoReference:
         if rest := _remaining_guides(tree, x, run):

@@ -1,4 +1,4 @@
-"""State of a run: values with one owner each, which change by their own methods alone."""
+"""State of a run: values with one owner each; changes that belong together are its methods."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -72,14 +72,6 @@ class WarmStarts:
         """Keep the local optima of classes whose best one is valid."""
         self.optima = {one: some for one, some in found.items() if some and some[0].valid}
 
-    def keep_fits(self, fits: dict[ClassFromStart, LawFit]) -> None:
-        """Keep laws that were fitted."""
-        self.fits = fits
-
-    def mark_sampled(self, classes: set[ClassFromStart]) -> None:
-        """Note the classes that have more than a few samples."""
-        self.sampled = classes
-
     def fitted(self, one: ClassFromStart, elapsed: float, *, timed: bool) -> DDPGuide | None:
         """Return the law around the guide of a class that samples of earlier plans suggest, if there are any."""
         if one not in self.fits or one not in self.optima:
@@ -121,10 +113,6 @@ class Retries:
         if not self.waits(name):
             self.due[name] = self.plans + plans
 
-    def hasten(self, name: str) -> None:
-        """Try a class at the next plan."""
-        self.due.pop(name, None)
-
 
 @dataclass(slots=True)
 class ClassShares:
@@ -133,10 +121,6 @@ class ClassShares:
     allocation: Allocation = field(default_factory=Allocation)  # of samples, by what earlier ones contributed
     mixture: ClassMixture | None = None  # feedback of the last plan, into which the next one is pooled
     followed: str | None = None  # name of the one class that the control follows; None: all
-
-    def pool(self, mixture: ClassMixture | None) -> None:
-        """Keep the feedback of a plan."""
-        self.mixture = mixture
 
     def follow(self, name: str) -> None:
         """Follow one class; feedback of another is forgotten."""
@@ -163,18 +147,6 @@ class PlanEffort:
     fitting: float = 0.0  # time that the last plan took to fit laws to its samples [s]
     weak: bool = False  # whether the last plan had too few effective samples not to learn from them
     saved: float = 0.0  # samples for weak plans, in multiples of a plan's
-
-    def limit(self, most: int | None) -> None:
-        """Set the number of classes that the next plan has time for."""
-        self.most = most
-
-    def judged(self, *, weak: bool) -> None:
-        """Note whether a plan had too few effective samples."""
-        self.weak = weak
-
-    def fitted(self, duration: float) -> None:
-        """Note how long fits took [s]."""
-        self.fitting = duration
 
     def save(self, share: float, most: float) -> float:
         """Save samples of a plan for weak ones, up to so many; return what is saved."""
@@ -222,10 +194,6 @@ class Route:
         """Start of the prediction's clock [s]."""
         return 0.0 if self.prediction is None else self.prediction.since
 
-    def prefer(self, favourite: Array | None) -> None:
-        """Note the path of a plan's favourite (k, 3) [m, m, s]."""
-        self.favourite = favourite
-
     def enter(self, homology: Signature) -> None:
         """Continue among other static obstacles."""
         self.path.enter(homology)
@@ -250,7 +218,7 @@ class Route:
 
 @dataclass(slots=True, eq=False)
 class RunState:
-    """State of a run: its parts change by their own methods, and the rest by those below."""
+    """State of a run: its parts, and what no part owns."""
 
     clock: Clock
     route: Route
@@ -277,14 +245,6 @@ class RunState:
         """Let time [s] pass."""
         self.queried = None
         self.clock.passed(duration)
-
-    def query(self, x: Array | None) -> None:
-        """Note that a plan is made at x (n,); None: there is none."""
-        self.queried = x
-
-    def hold(self, duration: float) -> None:
-        """Note how long the control of this step is held [s]."""
-        self.held = duration
 
     def plan(self) -> None:
         """Note a plan whose samples survived."""

@@ -29,7 +29,6 @@ import numpy as np
 from pirrht.arrays import BoolArray
 from pirrht.estimation.estimate import Estimate, all_samples
 from pirrht.estimation.weights import deviation, normalised
-from pirrht.formatting import percent
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 
@@ -52,11 +51,6 @@ class CollisionProbability(NamedTuple):
     def most(self) -> float:
         """Upper bound of a one-sided confidence of 95 %."""
         return min(1.0, self.held + max(self.accepted, self.accepted_most) + 1.645 * self.error)
-
-    def safest(self) -> str:
-        """Return the class with the least probability, and that."""
-        name, least = min(self.classes.items(), key=lambda one: one[1])
-        return f"{name} ({percent(least)})"
 
 
 @lru_cache(256)

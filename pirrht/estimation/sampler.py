@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array, BoolArray, IntArray
+from pirrht.arrays import Array, IntArray
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.sampling import ONCE, TUNING, Effort, EstimationTuning
@@ -52,41 +52,25 @@ class Replay(NamedTuple):
         states, controls, steps = self._again(rollouts, chosen)
         return states, controls @ rollouts.setup.gain.T, steps
 
-    def tapes(self, rollouts: Rollouts, groups: Sequence[BoolArray]) -> tuple[Array, Array, Array]:
-        """Return open-loop controls of G groups of samples, disjoint masks (S,), with weights normalised within each.
-
-        Returns weight times control (G, T, m), the weight still under way (G, T), and effective sample sizes (G,).
-        """
-        _, T, m = rollouts.tables.control.shape
-        total = np.zeros((len(groups), T, m))
-        alive = np.zeros((len(groups), T))
-        ess = np.zeros(len(groups))
-        weight = np.zeros(rollouts.size)
-
-        for g, mask in enumerate(groups):
-            weight[mask], ess[g] = normalised(rollouts.log_weight[mask])
-        chosen = np.flatnonzero(weight > TUNING.negligible)
-        for start in range(0, len(chosen), TUNING.replayed):
-            number = chosen[start : start + TUNING.replayed]
-            _, applied, steps = self._again(rollouts, number)
-            under_way = np.where(np.arange(T) < steps[:, None], weight[number, None], 0.0)
-            for g, mask in enumerate(groups):
-                own = mask[number]
-                total[g] += np.sum(weight[number][own, None, None] * applied[own], axis=0)
-                alive[g] += np.sum(under_way[own], axis=0)
-        return total, alive, ess
-
-    def _again(self, rollouts: Rollouts, chosen: IntArray) -> tuple[Array, Array, IntArray]:
-        return self.backend.replay(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
-
-    def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:
-        """Return open-loop controls (T, m) of all samples (paper, end of IV-C), and the weight under way (T,)."""
+    def tape(self, parts: Sequence[Rollouts]) -> Array:
+        """Return open-loop controls (T, m) of all samples (paper, end of IV-C)."""
         top = max(float(part.log_weight.max()) for part in parts)
         share = np.array([float(np.exp(part.log_weight - top).sum()) for part in parts])
         share /= share.sum()
-        tapes = [self.tapes(part, [np.ones(part.size, dtype=np.bool_)]) for part in parts]
-        tape, alive = (sum(w * one[k][0] for w, one in zip(share, tapes, strict=True)) for k in (0, 1))
-        return np.asarray(tape), np.asarray(alive)
+        return np.asarray(sum(w * self.mean_control(part) for w, part in zip(share, parts, strict=True)))
+
+    def mean_control(self, rollouts: Rollouts) -> Array:
+        """Return the mean of the controls that samples carry, by their weights, (T, m)."""
+        weight, _ = normalised(rollouts.log_weight)
+        total = np.zeros(rollouts.tables.control.shape[1:])
+        chosen = np.flatnonzero(weight > TUNING.negligible)
+        for start in range(0, len(chosen), TUNING.replayed):
+            number = chosen[start : start + TUNING.replayed]
+            total += np.sum(weight[number, None, None] * self._again(rollouts, number)[1], axis=0)
+        return total
+
+    def _again(self, rollouts: Rollouts, chosen: IntArray) -> tuple[Array, Array, IntArray]:
+        return self.backend.replay(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
 
 
 def round_seed(seed: int, number: int) -> int:
@@ -140,7 +124,7 @@ class PathIntegral:
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
         rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
         self.estimate(replace(rollouts, log_weight=np.zeros(1)))  # whatever the outcome of the sample
-        self.replay.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
+        self.replay.mean_control(replace(rollouts, log_weight=np.zeros(1)))
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
 
     def grid(self, reference_cost: float) -> Array:

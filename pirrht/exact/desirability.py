@@ -260,5 +260,5 @@ class Optimal(Policy):
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
             instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(self.desirability.value(x, now)),
-            space=self.space, movers=self.run.route.movers,
+            space=self.space, dynamics=self.problem.dynamics, movers=self.run.route.movers,
         )  # fmt: skip

@@ -70,7 +70,6 @@ class Collision:
         self._tree = fcl.DynamicAABBTreeCollisionManager()
         self._tree.registerObjects([solid_of(world.obstacles[i]) for i in self._every.tolist()])
         self._tree.setup()
-        self._request = fcl.CollisionRequest()
         self._waivers = np.array(world.waivers).reshape(-1, 4)
 
     def extents(self) -> tuple[Array, Array]:
@@ -204,15 +203,10 @@ class Collision:
         return self.footprint.radius - float(self._waivers[:, 3].max(initial=0.0))
 
     def _hits(self, body: Any) -> bool:
-        def visit(one: Any, other: Any, data: list[bool]) -> bool:
-            if fcl.collide(one, other, self._request, fcl.CollisionResult()):
-                data.append(True)
-            return bool(data)
-
         self.calls += 1
-        found: list[bool] = []
-        self._tree.collide(body, found, visit)
-        return bool(found)
+        found = fcl.CollisionData()
+        self._tree.collide(body, found, fcl.defaultCollisionCallback)
+        return bool(found.result.is_collision)
 
 
 def _first_of_equals(obstacles: Sequence[Obstacle]) -> IntArray:

@@ -148,17 +148,3 @@ def margin_left(scene: Scene, collision: Collision, start: Array) -> float | Non
         middle = 0.5 * (lowest + highest)
         lowest, highest = (middle, highest) if leads(free > middle) else (lowest, middle)
     return lowest
-
-
-def waived_along(scene: Scene, line: Array) -> float:
-    """Return the most by which the margin is smaller in the narrow passages of a path (l, 2), a polyline [m]."""
-    tails = line[:-1]
-    span = np.diff(line, axis=0)
-    square = np.maximum((span**2).sum(axis=1), 1e-300)
-    most = 0.0
-    for disc in scene.narrow:
-        away = np.array([disc.x, disc.y]) - tails
-        share = np.clip((away * span).sum(axis=1) / square, 0.0, 1.0)
-        if np.hypot(*(away - share[:, None] * span).T).min(initial=np.inf) < scene.robot_radius:
-            most = max(most, disc.less)
-    return most

@@ -64,6 +64,11 @@ class Footprint:
         """
         across = 0.5 * number(width, "the width of the footprint", "a positive number [m]")
         half = 0.5 * number(length, "the length of the footprint", "a positive number [m]")
+        if not abs(offset) < half:
+            raise SceneError(
+                f"the offset is {offset:g} m, which puts the reference point outside of the footprint; one between "
+                f"{-half:g} and {half:g} m works"
+            )
         back, front = offset - half, offset + half
         return cls.polygon([(back, -across), (front, -across), (front, across), (back, across)], height=height)
 

@@ -7,6 +7,7 @@ its contacts, which are right.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -241,6 +242,13 @@ class HullCollision(Collision):
         hull_clearances(numbers, np.append(middle, 0.0)[None], clear)
         return bool(clear[0] > 0.0)
 
+    def _free_scaled(self, pose: Array, share: float) -> bool:
+        """Return whether the robot would be free at a pose (3,) at a share of its size, without its margin."""
+        hull, farthest = share * self._numbers.hull, share * self._numbers.farthest
+        numbers = self._numbers._replace(hull=hull, farthest=farthest, rounding=0.0, radius=0.0)
+        hull_clearances(numbers, pose[None], clear := np.empty(1))
+        return bool(clear[0] > 0.0)
+
     def fitted(self, scene: Scene) -> Scene:
         """Return the scene with less safety margin around a start at whose pose there is no room for all of it.
 
@@ -252,9 +260,10 @@ class HullCollision(Collision):
             return scene
         body = clear + scene.margin
         if body <= 0.0:
+            fits = bisect_left(range(1, 1001), True, key=lambda k: not self._free_scaled(scene.start, k / 1000.0))
             raise SceneError(
                 f"{scene.name}: the start ({x:g}, {y:g}) is in collision at its heading of {heading:g} rad for "
-                f"{scene.body} (it lacks {-body:.3g} m); move or turn it, or choose a smaller footprint"
+                f"{scene.body}; move or turn it, or choose a footprint of at most {fits / 10.0:g} % of its size"
             )
         disc = TUNING.turning_reach * scene.footprint.reach
         return replace(scene, waivers=(*scene.waivers, Waiver(x, y, disc, scene.margin - 0.5 * body)))

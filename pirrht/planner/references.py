@@ -67,6 +67,7 @@ class ReferenceQuery(NamedTuple):
     over_budget: Callable[[], bool]
     threads: int
     most: int | None
+    hopeless: Callable[[float], float] | None
 
     def extract(self, x: Array) -> list[Reference]:
         """References from x (n,), a state as vertices are, least [cost] first (ExtractReference); NoReference: none."""
@@ -91,6 +92,12 @@ class ReferenceQuery(NamedTuple):
 
         found = mapped(of_class, classes, self.threads)
         fresh = [i for i, (resumed, _) in enumerate(found) if self.shortened and not resumed]
+        if self.hopeless is not None:
+            least = {winding: options[0].cost.sum() for winding, (_, options) in zip(classes, found, strict=True)}
+            bound = self.hopeless(min(least.values()))
+            earlier = {winding: path.cost.sum() for winding, path in self.before.items()}
+            seem = [min((1.0 - TUNING.saving) * cost, earlier.get(w, np.inf)) for w, cost in least.items()]
+            fresh = [i for i in fresh if seem[i] <= bound]
         if known and steering.timed:
             fresh = [] if self.over_budget() else fresh[: TUNING.new_classes]
         paths = [options[0] for _, options in found]

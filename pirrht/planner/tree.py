@@ -212,6 +212,7 @@ class HomologyTree:
     def references(
         self, x: Array, *, shortened: bool = True, before: Mapping[tuple[int, ...], Motions] | None = None,
         over_budget: Callable[[], bool] = lambda: False, threads: int = 1, most: int | None = None,
+        hopeless: Callable[[float], float] | None = None,
     ) -> list[Reference]:  # fmt: skip
         """Best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
 
@@ -224,12 +225,16 @@ class HomologyTree:
             over_budget: whether time is short; then paths of such other classes stay as the tree has them.
             threads: among which work is shared out; the result does not depend on it.
             most: classes that are evaluated, those that seem cheapest before paths are shortened; None: all.
+            hopeless: cost from which on a class weighs nothing, by the least cost of all. Paths that cannot become so
+                cheap stay as the tree has them; None: all are shortened.
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        query = references.ReferenceQuery(self, self.steering, shortened, before or {}, over_budget, threads, most)
+        query = references.ReferenceQuery(
+            self, self.steering, shortened, before or {}, over_budget, threads, most, hopeless
+        )
         return query.extract(x)
 
     def with_alternatives(self, x: Array, found: Sequence[Reference], threads: int = 1) -> list[Reference]:
@@ -239,7 +244,7 @@ class HomologyTree:
         x = self.steering.vertex_of(x)
         others = list[Reference]()
         for steering in self.steering.alternatives:
-            query = references.ReferenceQuery(self, steering, True, {}, lambda: False, threads, None)
+            query = references.ReferenceQuery(self, steering, True, {}, lambda: False, threads, None, None)
             with suppress(NoReference):
                 others += query.extract(x)
         own = {one.winding: tuple(o.trajectory for o in others if o.winding == one.winding) for one in found}
@@ -354,9 +359,10 @@ class HomologyTree:
         maps.lines(axes, self.best_edges(PLOTTING.spacing), maps.TREE, width=0.4, opacity=0.6, zorder=2)
 
         colors = ClassColors(one.id for one in references)
-        lines = [one.trajectory.points for one in references]
+        paths = [one.trajectory for one in references]
         labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
-        maps.classes(axes, lines, labels, [colors[one.id] for one in references], title="class: cost")
+        hues = [colors[one.id] for one in references]
+        maps.classes(axes, self.space.scene.body, paths, labels, hues, title="class: cost")
         axes.set_title(f"{maps.literal(self.space.scene.name)}: {self.size} vertices", fontsize=10)
         return axes
 

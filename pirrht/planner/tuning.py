@@ -22,8 +22,8 @@ class PlannerTuning(NamedTuple):
     optima_apart: float = 0.1  # least distance of two optima, as a share of the distance to the goal
     optima_excess: float = 0.2  # most excess of their cost over the cheapest, before shortening, as a share
     optima_tried: int = 48  # paths of a class that are compared to find them
+    saving: float = 0.25  # share of its cost that shortening saves a path at most, but for rare ones
     new_classes: int = 1  # new classes in space and time shortened at once, while earlier paths of others are known
-    easy_vertices: int = 400  # of the tree of the inscribed disc that says where a robot with corners gets stuck
     stations: int = 16  # times at which two paths of a class are compared
 
 

@@ -11,7 +11,6 @@ Color = tuple[int, int, int]  # red, green, blue, 0..255
 PALETTE = ((51, 187, 238), (238, 51, 119), (0, 153, 136), (238, 119, 51), (0, 119, 187), (204, 51, 17))
 # What is mixed into the palette in turn, and its share: late comers must not be taken for the first classes.
 TINTS = (((0, 0, 0), 0.0), ((255, 255, 255), 0.5), ((0, 0, 0), 0.35), ((128, 128, 128), 0.7))
-EARLY = 3 * len(PALETTE)  # colours that look like no other: the palette, its tints and its shades
 OTHER_COLOR: Color = (187, 187, 187)
 
 

@@ -8,10 +8,11 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, printable
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle, Scene
 from pirrht.plotting.colors import Color, rgb
-from pirrht.plotting.strokes import fading, outline, side_by_side
+from pirrht.plotting.strokes import fading, outline, rings, side_by_side
 from pirrht.plotting.tuning import TUNING
 
 FLOOR = "#f7f7f5"
@@ -67,7 +68,7 @@ def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
     axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
 
 
-def lines(axes: Any, drawn: Sequence[Array], color: str, *, width: float, opacity: Any, zorder: float) -> None:
+def lines(axes: Any, drawn: Sequence[Array], color: Any, *, width: float, opacity: Any, zorder: float) -> None:
     """Draw polylines (k, 2) [m]; opacities are common or one each."""
     from matplotlib.collections import LineCollection
 
@@ -76,14 +77,16 @@ def lines(axes: Any, drawn: Sequence[Array], color: str, *, width: float, opacit
 
 
 def classes(
-    axes: Any, lines: Sequence[Array], labels: Sequence[str], colors: Sequence[Color], **legend: Any
+    axes: Any, body: Footprint, paths: Sequence[Any], labels: Sequence[str], colors: Sequence[Color], **legend: Any
 ) -> None:  # fmt: skip
-    """Draw one polyline (k, 2) [m] per class, side by side where they coincide, with colours and labels."""
+    """Draw one `Trajectory` per class, side by side where they coincide, and a robot with corners along them."""
     per_point = float(np.ptp(axes.get_xlim())) / (72.0 * axes.get_window_extent().width / axes.figure.dpi)
     for place, (line, label, color) in enumerate(
-        zip(side_by_side(lines, TUNING.line * per_point), labels, colors, strict=True)
+        zip(side_by_side([path.points for path in paths], TUNING.line * per_point), labels, colors, strict=True)
     ):
         axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=TUNING.line, zorder=4.0 - 1e-3 * place)
+    for path, color in zip(paths, colors, strict=True):
+        robots(axes, body, path.poses(TUNING.outlines + 1)[1:], rgb(color))
     if labels:
         axes.legend(**LEGEND, **legend)
 
@@ -131,9 +134,14 @@ def outlined(axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *,
         solids(axes, mover.at(time), fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=zorder)
 
 
-def position(axes: Any, place: Array, control: Array) -> None:
-    """Mark a place (2,) [m]; if the control is a velocity (2,) [m/s], with an arrow along it."""
+def position(axes: Any, place: Array, moved: Array) -> None:
+    """Mark a place (2,) [m], with an arrow to where it is moved (2,) [m]."""
     axes.plot(*place, "o", ms=5, color=INK, zorder=6)
-    if len(control) == 2:
-        style = {"arrowprops": {"arrowstyle": "-|>", "lw": 1.4, "color": INK}, "zorder": 6}
-        axes.annotate("", tuple(place + TUNING.arrow * control), tuple(place), **style)
+    style = {"arrowprops": {"arrowstyle": "-|>", "lw": 1.4, "color": INK}, "zorder": 6}
+    axes.annotate("", tuple(moved), tuple(place), **style)
+
+
+def robots(axes: Any, footprint: Footprint, poses: Array, color: Any) -> None:
+    """Outline a footprint with corners at poses (k, 3); discs are left out."""
+    if not footprint.is_disc:
+        lines(axes, [*rings(footprint, poses)], color, width=0.8, opacity=1.0, zorder=5)

@@ -8,6 +8,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial import ConvexHull, KDTree
 
 from pirrht.arrays import Array
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.plotting.tuning import TUNING
 
@@ -48,6 +49,12 @@ def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
     """Return times after a time [s] at which to outline a moving obstacle, and opacities; none after it stops."""
     last = [after for after in TUNING.moments if time + after - TUNING.moments[0] < mover.motion.last]
     return [(after, 1.0 - 0.8 * after / (TUNING.moments[-1] + TUNING.moments[0])) for after in last]
+
+
+def rings(footprint: Footprint, poses: Array) -> Array:
+    """Return the outlines of a footprint at poses (k, 3), closed, (k, c + 1, 2) [m]."""
+    found = footprint.at(poses)
+    return np.concatenate([found, found[:, :1]], axis=1)
 
 
 def outline(obstacle: Obstacle) -> Array:

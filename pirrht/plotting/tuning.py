@@ -11,7 +11,9 @@ class PlottingTuning(NamedTuple):
     bundle: float = 5.0  # widths of strokes that many coinciding ones share
     smooth: int = 9  # points over which shifts of strokes change
     line: float = 2.0  # width of the path of a class [points]
-    arrow: float = 0.5  # time that the arrow of a control spans [s]
+    arrow: float = 0.5  # time that the arrow of a control spans [s], ...
+    arrow_steps: int = 10  # ... and steps of the motion that it shows
+    outlines: int = 7  # of a robot with corners along each reference
     faint: float = 0.08  # opacity of a sample of the least weight, ...
     strong: float = 0.6  # ... and of the greatest
     spacing: float = 0.15  # of points on edges that turn [m]

@@ -63,6 +63,8 @@ class Trajectory:
     cost: float  # steering cost [cost]
     length: float  # [m]
     slack: float | None = None  # where controls are not known but only the path: time to get under way at most [s]
+    between: Any = None  # kernel of its motions, as in `MotionKernels`
+    reads: tuple[int, ...] = (0, 1, 2)  # indices of a vertex' numbers that are a pose
 
     def __repr__(self) -> str:
         seconds = float(self.durations.sum())
@@ -73,6 +75,19 @@ class Trajectory:
         """The path as a polyline (k, 2), for pictures [m]; points on arcs are SPACING apart."""
         lines = self.path.points(SPACING)
         return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
+
+    def poses(self, count: int) -> Array:
+        """Poses at equal distances along the path, (count, 3) [m, m, rad], for pictures; none of vertices without."""
+        n = 0 if self.between is None else self.path.tails.shape[1]
+        states = np.empty((count, n))
+        if n <= max(self.reads):
+            return np.empty((0, 3))
+        passed = np.cumsum([0.0, *(np.hypot(*np.diff(line, axis=0).T).sum() for line in self.path.points(SPACING))])
+        for state, at in zip(states, np.linspace(0.0, passed[-1], count), strict=True):
+            i = min(int(np.searchsorted(passed, at, side="right")) - 1, len(self.path.tails) - 1)
+            if not self.between(self.path, i, (at - passed[i]) / max(passed[i + 1] - passed[i], 1e-9), state):
+                return np.empty((0, 3))
+        return states[:, self.reads]
 
     def faster(self, times: float) -> "Trajectory":
         """Drive the path so many times as fast, for a system that controls move."""
@@ -265,6 +280,7 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
     return Trajectory(
         controls=steering.controls(heading.ravel()[keep], path.curvature.ravel()[keep]),
         durations=length[keep] / steering.speed, path=path, cost=total * steering.cost_per_meter, length=total,
+        between=_between,
     )  # fmt: skip
 
 

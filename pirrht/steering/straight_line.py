@@ -88,7 +88,7 @@ class StraightLine(Lines):
         if not Traits.of(problem).point:
             raise OptionError(
                 f"straight lines steer a point whose 2 states are both actuated, not {type(d).__name__} with n = {d.n} "
-                f"and m = {d.m}; bring a Steering"
+                f"and m = {d.m}; take {'TurnAndGo' if d.angles else 'Tracked'}.of(problem), or bring a Steering"
             )
         R = problem.control_cost(np.zeros(problem.dynamics.n))
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):

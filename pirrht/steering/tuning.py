@@ -16,6 +16,8 @@ class SteeringTuning(NamedTuple):
     # Share of the poses drawn for such a robot, and headings tried, that are turned to the most clearance.
     aligned_share: float = 0.5
     aligned_headings: int = 16
+    # Step of the search for room to turn straight ahead of the start and behind it, in inscribed radii.
+    way_out_step: float = 0.5
     # Piece of constant control into which a mass' acceleration is divided [s]: the step of rollouts is no shorter.
     control_piece: float = 0.05
     # Side of the polyline that stands for a cubic where the clearance field certifies nothing [m]: FCL's resolution.

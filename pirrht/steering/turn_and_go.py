@@ -17,6 +17,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves
+from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.jit.jit import inlined, kernel, part
@@ -171,7 +172,10 @@ def lines_with_turns(reverses: bool) -> MotionKind:
             and collision.turn_free(np.append(head, heading), wrapped(motions.heads[i, 2] - heading))
         )
 
-    return MotionKind(kernels, free, ARCS.trajectory)
+    def trajectory(steering: Any, path: Turned) -> Trajectory:
+        return replace(ARCS.trajectory(steering, path), between=between)
+
+    return MotionKind(kernels, free, trajectory)
 
 
 @cache
@@ -277,6 +281,27 @@ class TurnAndGo(Tracked):
             if rng.random() < TUNING.aligned_share:
                 align(space.static, drawn[i : i + 1], TUNING.aligned_headings)
         return drawn
+
+    def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
+        """Return poses along passages, both ways, and straight ahead of and behind an origin (3,) or the start."""
+        first = space.scene.start if origin is None else origin
+        found = [self._way_out(space, first, sign) for sign in (1.0, -1.0)[: 1 + self.reverses]]
+        return np.vstack([*found, super(TurnAndGo, self).offers(passages, space, origin)])
+
+    def _way_out(self, space: FreeSpace, pose: Array, sign: float) -> Array:
+        """Return the first pose with room to turn, or that of most room, straight ahead (1) or behind (-1), (1, 3).
+
+        None, (0, 3), if the robot cannot move that way.
+        """
+        static, footprint = space.static, space.scene.footprint
+        step = sign * TUNING.way_out_step * footprint.radius * np.array([math.cos(pose[2]), math.sin(pose[2])])
+        here, room, found = pose[:2], -np.inf, np.empty((0, 3))
+        while room <= 0.0 and space.segments_free(np.array([here, here + step])[:: int(sign)]):
+            here = here + step
+            if (more := static.kernels.place(static, tuple(here))) > room:
+                room = more
+                found = np.array([[*here, pose[2]]])
+        return found
 
     def roots(self, goal: Array) -> Array:
         """Spread headings evenly at the goal point (2,) [m], (k, 3), over half a turn for a robot that reverses."""

@@ -206,9 +206,7 @@ def side_of_ray(gx, gy, rx, ry):  # type: ignore[no-untyped-def]
 @inlined
 def turn_at_ray(c, along, d, further):  # type: ignore[no-untyped-def]
     """Turn, -1, 0 or 1, of a step between two places as of `side_of_ray`, first (c, along), then (d, further)."""
-    if (c > 0.0) == (d > 0.0):
-        return 0
-    if along * abs(d) + further * abs(c) >= 0.0:
+    if (c > 0.0) == (d > 0.0) or along * abs(d) + further * abs(c) >= 0.0:
         return 0
     return 1 if c > 0.0 else -1
 

@@ -24,8 +24,7 @@ class Component:
 
     members: tuple[int, ...]  # indices into scene.obstacles, in file order
     names: tuple[str, ...]  # their names
-    marker: Array | None  # (2,) point that signatures wind around [m]; None when the border is joined
-    joins_border: bool  # whether the robot cannot pass between the component and the border
+    marker: Array | None  # (2,) point that signatures wind around [m]; None: the robot cannot pass at the border
 
 
 def components(collision: Collision) -> tuple[Component, ...]:
@@ -74,9 +73,7 @@ def continued(
         found = (i for i in near if collision.obstacle_distance(i, marker[None])[0] <= radius)
         return next((part_of[i] for i in found if i in part_of), None)
 
-    gone = Component(
-        members=(), names=(), marker=2.0 * collision.world.upper - collision.world.lower, joins_border=False
-    )
+    gone = Component(members=(), names=(), marker=2.0 * collision.world.upper - collision.world.lower)
     covers = [None if old.marker is None else cover(old.marker) for old in before]
     kept = [
         None if part is None else replace(part, marker=old.marker) for old, part in zip(before, covers, strict=True)
@@ -105,13 +102,11 @@ def _component(planar: "_Planar", members: list[int]) -> Component | None:
     inside = [i for i in distinct if planar.common(i, i, planar.world.lower, planar.world.upper) is not None]
     if not inside:
         return None
-    border = any(map(planar.leaves, inside))
+    joins_border = any(map(planar.leaves, inside))
     areas = np.prod(planar.high[members] - planar.low[members], axis=1)
     largest = members[int(np.flatnonzero(areas >= areas.max() * (1 - 1e-9))[0])]
     names = tuple(planar.obstacles[i].name for i in members)
-    return Component(
-        members=tuple(members), names=names, marker=None if border else planar.center(largest), joins_border=border
-    )
+    return Component(members=tuple(members), names=names, marker=None if joins_border else planar.center(largest))
 
 
 class _Planar:

@@ -23,6 +23,7 @@ from tqdm import tqdm
 
 from pirrht.arrays import Array, IntArray
 from pirrht.control.plan import Plan
+from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampling import TUNING
 from pirrht.estimation.weights import normalised
@@ -55,7 +56,11 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     weak, table, values = list[Weak](), list[list[str]](), list[dict[str, Any]]()
     for drive in tqdm(list(drives(options)), "drives", disable=None):
         scenario, of_second = drive.scenario(), dict[int, Weak]()
-        for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+        try:
+            tree = scenario.grown_tree()
+        except NoReference:
+            continue
+        for frame in scenario.drive(scenario.plant(), scenario.driver(tree)):
             if frame.plan.estimate is not None:
                 one = Weak(frame.step, drive, scenario, frame.plan, frame.plan.estimate)
                 before = of_second.get(int(frame.time), one)

@@ -19,7 +19,7 @@ from pirrht.outcome import Outcome
 from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting.strokes import fading, interpolated, lengths, outline
+from pirrht.plotting.strokes import fading, interpolated, lengths, outline, rings
 from pirrht.topology.signature import OTHER, Signature
 from sim.states import adapter_of
 
@@ -117,26 +117,9 @@ def fans(
     return drawn
 
 
-def rings(footprint: Footprint, poses: Array) -> Array:
-    """Return the outlines of a footprint at poses (k, 3), closed, (k, c + 1, 2) [m]."""
-    found = footprint.at(poses)
-    return np.concatenate([found, found[:, :1]], axis=1)
-
-
 def heavy_ends(footprint: Footprint, fan: Fan) -> Array:
     """Return the outlines of a robot with corners where the heaviest samples of a class end, (k, c + 1, 2) [m]."""
     return rings(footprint, fan.ends[-ENDS:] if not footprint.is_disc else fan.ends[:0])
-
-
-def along_reference(tree: HomologyTree, path: Any, count: int) -> Array:
-    """Return poses at equal distances along a path of a tree whose vertices are poses, (count, 3); it may reverse."""
-    between = tree.checker.kernels.between
-    passed = np.cumsum([0.0, *path.length.sum(axis=1)])
-    poses = np.empty((count, 3))
-    for pose, at in zip(poses, np.linspace(0.0, passed[-1], count), strict=True):
-        i = min(int(np.searchsorted(passed, at, side="right")) - 1, len(path.tails) - 1)
-        between(path, i, (at - passed[i]) / max(passed[i + 1] - passed[i], 1e-9), pose)
-    return poses
 
 
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
@@ -225,8 +208,8 @@ def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
     found = []
     for mover in movers:
         moments = [(0.0, 1.0), *fading(mover, now)]
-        for rings in outlines(mover, now + np.array([after for after, _ in moments]), ROUGH):
-            found += [Outline(a, s, np.vstack([one, one[:1]])) for (a, s), one in zip(moments, rings, strict=True)]
+        for drawn in outlines(mover, now + np.array([after for after, _ in moments]), ROUGH):
+            found += [Outline(a, s, np.vstack([one, one[:1]])) for (a, s), one in zip(moments, drawn, strict=True)]
     return found
 
 

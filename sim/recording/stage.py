@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 from pirrht.plotting.colors import blend
+from pirrht.plotting.strokes import rings
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, NAMED, labels
 from sim.drawing.strokes import lift
@@ -130,7 +131,7 @@ def stage(subject: Subject, log: Log) -> None:
     origins, colors, radii = zip(*looks[: 1 + subject.look.truth], strict=True)
     log("/world/robot", rr.Arrows3D.from_fields(origins=origins, colors=colors, radii=radii))
     if not scene.body.is_disc:
-        outline = lift(strokes.rings(scene.body, np.zeros((1, 3))), 0.03)
+        outline = lift(rings(scene.body, np.zeros((1, 3))), 0.03)
         log("/world/robot/outline", rr.LineStrips3D(outline, radii=0.012, colors=[DRIVEN]))
     # An eye over the middle, north being up: Rerun fits the height of what it sees, whatever the width.
     wide, high = 2.0 * MARGIN * half

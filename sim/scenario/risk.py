@@ -133,7 +133,8 @@ class RiskSearch:
     def _nearest(self, *, stop: bool) -> Scenario:
         assert self.nearest is not None
         collision, plan = self.nearest
-        least = f"{percent(min(1.0, RESERVE * collision.most))} at most, by class {collision.safest()}"
+        name, best = min(collision.classes.items(), key=lambda one: one[1])
+        least = f"{percent(min(1.0, RESERVE * collision.most))} at most, by class {name} ({percent(best)})"
         if stop:
             raise OptionError(
                 f"--risk is {self.risk:g}; no margin that leaves a way keeps it. Nearest comes one of "

@@ -21,9 +21,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.fitting import waived_along
+from pirrht.geometry.scene import Scene
 from pirrht.planner.limits import grown_tree
-from pirrht.planner.narrow_place import narrow_place
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -39,6 +38,7 @@ from sim.drive.metrics import Frame
 from sim.mjcf import Loaded
 from sim.mjcf.names import names_of
 from sim.options import check_size
+from sim.scenario.narrow_place import narrow_place
 from sim.settings import Settings
 from sim.systems import System, refuse
 
@@ -312,3 +312,17 @@ class Scenario:
             plant, driver, self.start if start is None else start, rng or self.plant_rng(), max_time=s.max_time,
             grow=s.grow, clock=Clock() if s.real_time else None, grid=grid, risk=self.collisions,
         )  # fmt: skip
+
+
+def waived_along(scene: Scene, line: Array) -> float:
+    """Return the most by which the margin is smaller in the narrow passages of a path (l, 2), a polyline [m]."""
+    tails = line[:-1]
+    span = np.diff(line, axis=0)
+    square = np.maximum((span**2).sum(axis=1), 1e-300)
+    most = 0.0
+    for disc in scene.narrow:
+        away = np.array([disc.x, disc.y]) - tails
+        share = np.clip((away * span).sum(axis=1) / square, 0.0, 1.0)
+        if np.hypot(*(away - share[:, None] * span).T).min(initial=np.inf) < scene.robot_radius:
+            most = max(most, disc.less)
+    return most

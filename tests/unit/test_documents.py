@@ -6,6 +6,9 @@ from operator import attrgetter
 
 from repository import ROOT
 
+import pirrht
+from pirrht import errors
+
 TABLE = (ROOT / "docs" / "equations.md").read_text()
 HOMES = sorted(set(re.findall(r"`([a-z_.0-9]+:[\w.]+)`", TABLE)))
 TESTS = sorted(set(re.findall(r"`([\w/]+\.py:test_\w+)`", TABLE)))
@@ -28,6 +31,14 @@ def test_every_row_has_a_home():
     rows = [row for row in TABLE.splitlines() if row.startswith("| ") and not row.startswith("| what")]
     assert len(rows) > 50
     assert all(re.search(r"`[a-z_.0-9]+:[\w.]+`", row) or "*Twice by need*" in row for row in rows)
+
+
+def test_the_page_of_the_api_has_every_public_name():
+    listed = re.findall(r"^::: pirrht\.(\S+)$", (ROOT / "docs" / "api.md").read_text(), re.M)
+    assert {*pirrht.__all__} <= {one.rpartition(".")[2] for one in listed} | {*dir(errors)}
+    for home in listed:
+        module, _, name = home.rpartition(".")
+        assert hasattr(import_module(f"pirrht.{module}".rstrip(".")), name), home
 
 
 # -- architecture --------------------------------------------------------------------------------------------------

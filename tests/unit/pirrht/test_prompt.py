@@ -11,9 +11,10 @@ import matplotlib
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
+from trees import grown
 
 import pirrht
-from pirrht import Kind, Obstacle, OptionError
+from pirrht import Footprint, FreeSpace, Kind, Obstacle, OptionError, Plan, Problem, Rover, Scene, TurnAndGo
 from pirrht.plotting.strokes import outline, side_by_side
 from pirrht.traits import Traits
 from sim.scenario import Scenario, prepare
@@ -55,6 +56,26 @@ def test_a_plans_picture_has_a_line_per_class_and_only_paths_that_are_samples(pl
     assert 10 <= len(paths) <= 20
     assert all(np.allclose(path[0], plan.state) for path in paths)
     assert not plan.plot(samples=0, axes=matplotlib.figure.Figure().subplots()).collections
+
+
+def test_a_plans_picture_shows_the_motion_that_a_control_causes_and_outlines_of_a_robot_with_corners():
+    room = {"lower": (0, 0), "upper": (5, 5), "start": (1, 1, 0.5 * np.pi), "goal": (4, 4, 0.3)}
+    scene = Scene.from_boxes([(2, 2, 3, 3)], footprint=Footprint.rectangle(1.0, 0.4, 0.2), **room)
+    problem = Problem(dynamics=Rover(b=0.1), scene=scene, R=np.diag([2.0, 0.5]))
+    space = FreeSpace.of(scene)
+    tree = grown(space, TurnAndGo.of(problem), 60)
+    found, x = tree.references(scene.start), np.array([1.2, 1.0, 0.5 * np.pi])
+    plan = Plan(
+        state=x, times=np.array([0.0, 1.0]), references=tuple(found), ids=tuple(one.id for one in found), estimate=None,
+        fallback=None, instead=np.array([[1.0, 0.0]]), space=space, dynamics=problem.dynamics,
+    )  # fmt: skip
+    axes = plan.plot()
+    (arrow,) = [text for text in axes.texts if getattr(text, "arrow_patch", None)]
+    assert arrow.xy == pytest.approx((1.2, 1.5))  # half a second ahead, and the heading is up
+    rings = [path.vertices for group in axes.collections for path in group.get_paths()]
+    assert len(rings) == 1 + 7 * len(found)
+    assert any(np.allclose(ring[:-1], scene.body.at(x)) for ring in rings)
+    assert len(tree.plot(scene.start).collections) == 1 + len(found)
 
 
 def test_a_trees_picture_has_an_edge_per_vertex_but_the_root(slit, slit_tree):

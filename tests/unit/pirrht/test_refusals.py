@@ -23,6 +23,7 @@ from pirrht import (
 from pirrht.control.cost_to_go import cost_to_go, straight_lines
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import no_drift
+from pirrht.systems.rover import Rover
 
 SCENE = scene_of(start=(1.0, 2.0, 0.3), goal=(3.0, 0.0, 0.2), lower=(0.0, -1.0), side=(4.0, 3.0))
 
@@ -117,8 +118,13 @@ def test_straight_lines_and_grids_refuse_what_they_do_not_know() -> None:
         def drift(x: np.ndarray, p: np.ndarray, out: np.ndarray) -> None:
             out[0], out[1] = 2.0, 0.0
 
-    with pytest.raises(OptionError, match=r"^straight lines steer a point .*, not Boat with n = 4 and m = 2; bring a"):
-        StraightLine.of(posed(boat()))
+    for problem, steering in (
+        (posed(boat()), "Boat .* Tracked"),
+        (posed(Rover(), np.diag([2.0, 0.5])), "Rover .* TurnAndGo"),
+    ):
+        says = rf"^straight lines steer a point .*, not {steering}.of\(problem\), or bring a"
+        with pytest.raises(OptionError, match=says):
+            StraightLine.of(problem)
     with pytest.raises(OptionError, match=r"^no grid solves the dynamics Adrift;"):
         Desirability.of(posed(Adrift()), FreeSpace.of(SCENE))
 

@@ -76,6 +76,12 @@ def test_what_is_no_convex_polygon_around_the_reference_point_is_refused(make: A
         make(points)
 
 
+@pytest.mark.parametrize("offset", [9.0, -0.5, np.nan])
+def test_an_offset_that_puts_the_reference_point_outside_of_a_rectangle_is_refused_by_those_that_work(offset: float):
+    with pytest.raises(SceneError, match=rf"offset is {offset:g} m.*outside.* between -0.25 and 0.25 m works"):
+        Footprint.rectangle(0.5, 0.3, offset)
+
+
 def test_a_scene_takes_a_radius_or_a_footprint_whose_inscribed_disc_it_then_plans_with():
     room = {"lower": (0, 0), "upper": (4, 3), "start": (0.6, 1.4), "goal": (3.4, 1.5, 0.3)}
     disc = Scene.from_boxes([[1.6, 1.1, 2.4, 1.9]], robot_radius=0.2, **room)
@@ -265,8 +271,11 @@ def test_a_polygon_needs_a_heading_and_free_room_at_the_start_for_that_heading()
         Problem(scene=Scene.from_boxes([], start=(0.6, 1.4), **room), dynamics=SingleIntegrator(b=0.1), R=np.eye(2))
     wall = [[0.0, 0.0, 4.0, 1.0]]
     assert FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 0.0), **room)).static.kernels.turns
-    with pytest.raises(SceneError, match="at its heading"):
-        FreeSpace.of(Scene.from_boxes(wall, start=(1.0, 1.3, 1.5), **room))
+    for pose, share in ((1.0, 1.3, 1.5), 72.6), ((1.0, 1.2388, 0.1), 99.9):
+        with pytest.raises(SceneError, match=f"at its heading .* of at most {share} % of its size"):
+            FreeSpace.of(Scene.from_boxes(wall, start=pose, **room))
+        fits = replace(CART, corners=tuple((share / 100.0 * x, share / 100.0 * y) for x, y in CART.corners))
+        FreeSpace.of(Scene.from_boxes(wall, start=pose, **{**room, "footprint": fits}))
 
 
 def test_noise_of_the_heading_moves_corners_and_a_plan_begins_off_the_wall_by_what_it_wants():

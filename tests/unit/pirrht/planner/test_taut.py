@@ -30,6 +30,22 @@ def test_every_corner_of_a_taut_reference_touches_something(seed: int):
         assert len(points) == 2 or space.collision.clearance(points[1:-1]).max() < TOUCHES
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_paths_of_hopeless_classes_are_not_shortened_unless_they_were_cheap_before(seed: int):
+    space = FreeSpace.of(scattered(seed))
+    start = space.scene.start[:2]
+    tree = grown(space, StraightLine(), 300, seed=seed)
+    raw = {one.winding: one.cost for one in tree.references(start, shortened=False)}
+    short = {one.winding: one for one in tree.references(start)}
+    before = {winding: one.path for winding, one in short.items()}
+    some = {one.winding: one.cost for one in tree.references(start, hopeless=lambda least: least)}
+    again = {one.winding: one.cost for one in tree.references(start, before=before, hopeless=lambda least: least)}
+    cheap = {winding for winding in raw if 0.75 * raw[winding] <= min(raw.values())}
+    assert some == {winding: short[winding].cost if winding in cheap else raw[winding] for winding in raw}
+    assert all(again[winding] == short[winding].cost for winding in raw if short[winding].cost <= min(raw.values()))
+    assert len(cheap) < len(raw)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_a_corner_that_touches_nothing_goes_also_before_the_goal(seed: int):
     """A path over needless points beside the straight line, its last corner close to the disc it ends in."""

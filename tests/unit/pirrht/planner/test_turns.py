@@ -7,11 +7,12 @@ import pytest
 from trees import grown
 
 from pirrht import Footprint, FreeSpace, NoReference, Problem, Scene
-from pirrht.planner.narrow_place import narrow_place
 from pirrht.steering.turn_and_go import TurnAndGo, wrapped
 from pirrht.systems.rover import Rover
+from sim.scenario.narrow_place import narrow_place
 
 CART = Footprint.rectangle(1.0, 0.4)
+WEDGE = Footprint.polygon([(-0.2, -0.25), (0.6, 0.0), (-0.2, 0.25)])
 GAP = [(2.9, 0.0, 3.1, 2.25), (2.9, 2.75, 3.1, 5.0)]  # 0.5 m wide
 
 CROSSING = [(0.0, 0.0, 2.7, 2.2), (3.3, 0.0, 6.0, 2.2), (0.0, 2.8, 2.7, 5.0), (3.3, 2.8, 6.0, 5.0)]  # 0.6 m wide
@@ -23,8 +24,10 @@ def bend(width: float, pocket: float = 0.0) -> list[tuple[float, ...]]:
     return [(0, 1 + width, 4 - width - pocket, 5), (4, 0, 6, 5), (0, 0, 6, 1), *left]
 
 
-def task(boxes: list[tuple[float, ...]], start: tuple[float, ...], goal: tuple[float, ...]) -> Problem:
-    scene = Scene.from_boxes(boxes, lower=(0, 0), upper=(6, 5), start=start, goal=goal, footprint=CART)
+def task(
+    boxes: list[tuple[float, ...]], start: tuple[float, ...], goal: tuple[float, ...], shape: Footprint = CART
+) -> Problem:
+    scene = Scene.from_boxes(boxes, lower=(0, 0), upper=(6, 5), start=start, goal=goal, footprint=shape)
     return Problem(dynamics=Rover(b=0.1), scene=scene, R=np.diag([2.0, 0.5]))
 
 
@@ -71,3 +74,15 @@ def test_a_bend_or_crossing_that_is_too_narrow_to_turn_in_is_named(boxes, start,
     assert place.at == pytest.approx(at, abs=0.6)
     assert place.width == pytest.approx(0.6, abs=0.1)
     assert "it needs 0.4 m there at best" in place.says(CART)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("boxes", "start", "shape"),
+    [([(0, 0, 6, 1)], (3, 1.51, -0.5 * math.pi), CART), ([(0, 0, 6, 1)], (1, 1.258, 0), WEDGE),
+     ([(0, 0, 2, 1.8), (0, 2.22, 2, 5)], (0.6, 2.01, math.pi), CART)],
+)  # fmt: skip
+def test_a_start_next_to_a_wall_that_forbids_turns_is_left_straight_ahead_or_behind(boxes, start, shape, seed):
+    problem = task(boxes, start, (5, 4, 0.3), shape)
+    space = FreeSpace.of(problem.scene)
+    assert grown(space, TurnAndGo.of(problem), 150, seed=seed).references(space.scene.start)

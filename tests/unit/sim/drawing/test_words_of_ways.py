@@ -11,7 +11,7 @@ from drives import Drive
 from moving import moved
 
 from pirrht.geometry.scene import Footprint
-from pirrht.plotting.colors import EARLY, ClassColors, nth_color, place_of
+from pirrht.plotting.colors import PALETTE, ClassColors, nth_color, place_of
 from pirrht.topology.homology import Homology
 from sim.drawing import strokes
 from sim.drawing.colors import labels, method_color, numbered, passing, sides, worded
@@ -196,7 +196,7 @@ def test_the_average_way_of_a_class_is_free_and_of_that_class(planned):
 
 
 def test_methods_have_colours_that_no_early_class_has():
-    assert len({method_color(k) for k in range(9)} - {nth_color(k) for k in range(EARLY)}) == 9
+    assert len({method_color(k) for k in range(9)} - {nth_color(k) for k in range(3 * len(PALETTE))}) == 9
 
 
 def among(scene: str, vertices: int, *ids: str):

@@ -9,8 +9,8 @@ from plants import QUIET, problem_of, scene_file
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.geometry.footprint import Footprint
 from pirrht.outcome import Outcome
+from pirrht.plotting.strokes import rings
 from pirrht.systems.rover import Rover
-from sim.drawing.strokes import along_reference, rings
 from sim.drive.executor import ClearanceChecker, Executor, Plant
 from sim.mjcf import load
 from sim.mjcf.footprint import PRESETS, collision_of, footprint_of
@@ -41,7 +41,7 @@ def test_a_footprint_is_length_by_width_around_a_point_ahead_or_a_preset(text, c
 @pytest.mark.parametrize(
     ("options", "words"),
     [({"footprint": "1x"}, "must be LENGTHxWIDTH"), ({"footprint": "jackl"}, "did you mean jackal"),
-     ({"footprint": "1x0.4@0.7"}, "1x0.4@0.7: the reference point"), ({"footprint": "0x1"}, "0x1: "),
+     ({"footprint": "1x0.4@0.7"}, "1x0.4@0.7: the offset is 0.7 m, which puts"), ({"footprint": "0x1"}, "0x1: "),
      ({"footprint": CART, "radius": 0.2}, "leave one of them out"),
      ({"footprint": CART, "robot": "puck"}, "needs a heading, and puck has none"),
      ({"footprint": "jackal", "robot": "hover"}, "needs a heading, and hover has none")],
@@ -126,7 +126,7 @@ def test_plans_and_pictures_know_the_corners_of_the_robot():
     assert not room_of(scene).footprint.is_disc
     poses = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.5 * np.pi]])
     tree = scenario.empty_tree()
-    line = along_reference(tree, tree.steering.connect(poses[:-1], poses[1:]), 5)
+    line = tree.steering.trajectory(tree.steering.connect(poses[:-1], poses[1:])).poses(5)
     np.testing.assert_allclose(line[[0, 1, 4]], [[1, 1, 0], [0.5, 1, 0], [0, 2, 0.5 * np.pi]], atol=1e-12)  # it backs
     drawn = rings(scene.body, line)
     assert drawn.shape == (5, 5, 2)

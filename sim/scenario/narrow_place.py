@@ -9,8 +9,9 @@ from pirrht.arrays import Array
 from pirrht.errors import PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.footprint import Footprint
-from pirrht.planner.tuning import TUNING
 from pirrht.steering.straight_line import StraightLine
+
+VERTICES = 400  # of the tree of the inscribed disc, at least
 
 
 class NarrowPlace(NamedTuple):
@@ -43,7 +44,7 @@ def narrow_place(tree: Any, x: Array) -> NarrowPlace | None:
         easy = type(tree)(
             space, tree.steering if bends else StraightLine(), limit=tree.limit, classes=1, rng=np.random.default_rng(0)
         )
-        easy.grow(max(tree.size, TUNING.easy_vertices) if bends else TUNING.easy_vertices)
+        easy.grow(max(tree.size, VERTICES) if bends else VERTICES)
         line = easy.references(x if bends else x[:2])[0].trajectory.points
     except PirrhtError:
         return None
