@@ -48,12 +48,14 @@ class Ball(Held, Lattice):
         """Sample clearances [m] from the solids that count; SceneError: the workspace is too large."""
         world, radius = collision.world, collision.footprint.radius
         span = world.upper - world.lower
-        h = max(radius / TUNING.cells_per_radius, float(np.prod(span) / TUNING.dense_points) ** (1.0 / 3.0))
-        if h > radius / TUNING.least_cells:
-            most = (radius / TUNING.least_cells) ** 3 * TUNING.dense_points
+        volume = float(np.prod(span))
+        coarsest = radius / TUNING.least_cells
+        h = min(max(radius / TUNING.cells_per_radius, (volume / TUNING.dense_points) ** (1.0 / 3.0)), coarsest)
+        if volume > TUNING.block_points * h**3:
+            least = TUNING.least_cells * (volume / TUNING.block_points) ** (1.0 / 3.0)
             raise SceneError(
-                f"the workspace of {span[0]:g} m x {span[1]:g} m x {span[2]:g} m is too large for a ball of radius "
-                f"{radius:g} m; up to {most:.3g} m^3 work, or a radius of {TUNING.least_cells * h:.3g} m or more"
+                f"the workspace of {' m x '.join(f'{side:g}' for side in span)} m is too large for a ball of radius "
+                f"{radius:g} m; up to {TUNING.block_points * h**3:.3g} m^3 work, or a radius of {least:.3g} m or more"
             )
         counts = np.ceil(span / h - 1e-9).astype(int) + 1
         nearest, second = np.empty((2, *counts), dtype=np.float32)

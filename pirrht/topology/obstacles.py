@@ -24,7 +24,7 @@ class Component:
 
     members: tuple[int, ...]  # indices into scene.obstacles, in file order
     names: tuple[str, ...]  # their names
-    marker: Array | None  # (d,) point that signatures wind around [m]; None: there is no way around
+    marker: Array | None  # (d,) point that signatures wind around [m]; None: no path winds around it
 
 
 def components(collision: Collision) -> tuple[Component, ...]:
