@@ -82,14 +82,12 @@ class Problem:
         object.__setattr__(self, "temperature", self._temperature())
 
     def _require_heading(self) -> None:
-        """Refuse a footprint that turns where the system has no heading, or obstacles move."""
+        """Refuse a footprint that turns where the system has no heading."""
         if not self.scene.footprint.is_disc and self.dynamics.heading is None:
             raise OptionError(
                 f"{self.scene.footprint} turns, and {type(self.dynamics).__name__} has no heading among its states "
                 f"{', '.join(self.dynamics.states)}; choose a disc, or a system with one"
             )
-        if not self.scene.footprint.is_disc and self.scene.movers:
-            raise OptionError(f"among moving obstacles a robot is a disc; {self.scene.footprint} is none")
 
     def __repr__(self) -> str:
         rate = "q(x)" if callable(self.q) else f"q {self.q:g}"

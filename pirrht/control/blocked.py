@@ -95,11 +95,11 @@ class Brake:
             controls.append(law(states[-1], time))
             states.append(d.step(states[-1], controls[-1], still, s.step))
         path = np.array(states)
-        places = d.place(path)
-        static = clearance = space.collision.clearance(path[:, d.reads(space.static.kernels.turns)])
+        poses = path[:, d.reads(space.static.kernels.turns)]
+        static = clearance = space.collision.clearance(poses)
         if space.scene.movers:
-            pairs = zip(places, now + times, strict=True)
-            clearance = np.minimum(clearance, [space.moving.distance(place, time) for place, time in pairs])
+            pairs = zip(poses, now + times, strict=True)
+            clearance = np.minimum(clearance, [space.moving.distance(pose, time) for pose, time in pairs])
         met = np.flatnonzero(clearance <= 0.0 if clearance[0] > 0.0 else clearance < clearance[0])  # out of a margin
         settled = times >= 2.0 * s.within
         return Halt(

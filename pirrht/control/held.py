@@ -58,13 +58,12 @@ class HeldLaw:
         if gap:
             most = min(most, max(0.5 * (d - c), 0.0))
         G = self.walls.gains(x)
-        px, py, *_ = self.walls.pose(x)
         wanted = thrown = self.step * float(away @ G @ u)
         if moving.J:
             rest = thrown - self.deviation**2 * (1.0 / max(c, CLOSEST * self.deviation) - (1.0 / d if gap else 0.0))
-            for row in moving.walls(px, py, self.walls.time + s, near):
+            for row in moving.walls(self.walls.pose(x), self.walls.time + s, near):
                 if row[0] <= c + SAME:
-                    rest -= self.step * float(row[3:5] @ away[:2])
+                    rest -= self.step * float(row[4:] @ away[:2])
             wanted -= min(rest, 0.0) * (1.0 - max(c, 0.0) / near)
         wanted = min(wanted, most)
         off = steepest(away)

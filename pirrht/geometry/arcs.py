@@ -145,3 +145,21 @@ def trace(start: Array, curvature: Array, length: Array, spacing: float) -> Arra
             points += [along(x, y, theta, kappa, total * i / parts)[:2] for i in range(1, parts + 1)]
             x, y, theta = along(x, y, theta, kappa, total)
     return np.array(points)
+
+
+@inlined
+def wrapped(angle):  # type: ignore[no-untyped-def]
+    """Return an angle in [-pi, pi)."""
+    return angle - TWO_PI * math.floor((angle + math.pi) / TWO_PI)
+
+
+@inlined
+def turns_of(way, before, after):  # type: ignore[no-untyped-def]
+    """Return the angle that a heading along a line, between two others, takes at its ends [rad]."""
+    return abs(wrapped(way - before)) + abs(wrapped(after - way))
+
+
+@inlined
+def backwards(way, before, after, reverses):  # type: ignore[no-untyped-def]
+    """Return whether driving a line backwards takes less turning."""
+    return bool(reverses) and turns_of(way + math.pi, before, after) < turns_of(way, before, after)

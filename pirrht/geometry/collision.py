@@ -120,17 +120,17 @@ class Collision:
         """Return whether the robot touches no obstacle and is strictly inside the border, (k, 2) [m] -> (k,)."""
         return self.segments_free(points, points)
 
-    def segments_free(self, tails: Array, heads: Array, more: float = 0.0) -> BoolArray:
-        """Return whether capsules from tails to heads, 2 x (k, 2) [m], are free, (k,), with `more` clearance [m]."""
+    def segments_free(self, tails: Array, heads: Array) -> BoolArray:
+        """Return whether capsules from tails to heads, 2 x (k, 2) [m], are free, (k,)."""
         low, high = self.world.lower, self.world.upper
         result: BoolArray = np.all((tails > low) & (tails < high) & (heads > low) & (heads < high), axis=-1)
         for k in np.flatnonzero(result):
-            result[k] = not self._hits(self._swept(tails[k], heads[k], self.footprint.radius + more))
+            result[k] = not self._hits(self._swept(tails[k], heads[k], self.footprint.radius))
             if not result[k] and len(self._waivers):
-                result[k] = self._free_with_waivers(tails[k], heads[k], more)
+                result[k] = self._free_with_waivers(tails[k], heads[k])
         return result
 
-    def _free_with_waivers(self, tail: Array, head: Array, more: float) -> bool:
+    def _free_with_waivers(self, tail: Array, head: Array) -> bool:
         """Return whether a segment between points (2,) [m] is free where it is cut at the rims of all waivers."""
         span = head - tail
         square = max(float(span @ span), 1e-300)
@@ -143,7 +143,7 @@ class Collision:
                 cuts += [nearest - math.sqrt(half), nearest + math.sqrt(half)]
         for a, b in itertools.pairwise(sorted({min(max(cut, 0.0), 1.0) for cut in cuts})):
             middle = tail + 0.5 * (a + b) * span
-            radius = self.footprint.radius + more - float(self.waived(middle[None])[0])
+            radius = self.footprint.radius - float(self.waived(middle[None])[0])
             if self._hits(self._swept(tail + a * span, tail + b * span, radius)):
                 return False
         return True

@@ -216,9 +216,9 @@ class HullCollision(Collision):
         x, y, heading = pose.tolist()
         return bool(hull_is_free(self._numbers, (x, y, heading), 0.0, math.copysign(1.0, turn), abs(turn)))
 
-    def segments_free(self, tails: Array, heads: Array, more: float = 0.0) -> BoolArray:
+    def segments_free(self, tails: Array, heads: Array) -> BoolArray:
         """Return whether straight pieces from tails to heads, 2 x (k, 2) [m], are free, headed along them, (k,)."""
-        free = super().segments_free(tails, heads, more)
+        free = super().segments_free(tails, heads)
         for k in np.flatnonzero(free):
             span = heads[k] - tails[k]
             start = (float(tails[k, 0]), float(tails[k, 1]), math.atan2(span[1], span[0]))

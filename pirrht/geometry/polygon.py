@@ -67,7 +67,7 @@ class Polygon(Held, PolygonNumbers):
         """
         discs = cover(footprint, TUNING.cover_share * excess)
         least = float(discs[:, 2].min())
-        table, groups = _grouped(footprint, discs, TUNING.group_excess * excess)
+        table, groups = grouped(footprint, discs, TUNING.group_excess * excess)
         most = float(table[groups:, 3].max()) + least
         wide = Workspace(world.lower - most, world.upper + most, world.obstacles, world.waivers)
         collision = Collision(wide, Footprint.disc(least, height=footprint.height))
@@ -94,18 +94,18 @@ class Polygon(Held, PolygonNumbers):
         return POLYGON
 
 
-def _grouped(footprint: Footprint, discs: Array, excess: float) -> tuple[Array, int]:
+def grouped(footprint: Footprint, discs: Array, excess: float) -> tuple[Array, int]:
     """Return rows of groups and of discs (k, 3), with radii beyond the least one [m], (g + k, ROW), and g.
 
     Groups are circles around some discs; two are joined as long as the circle around both reaches no more than `excess`
     [m] beyond the footprint, those first for which that is least.
     """
     circles, held = discs, [[k] for k in range(len(discs))]
-    while True:
+    while len(circles) > 1:
         a, b = np.triu_indices(len(circles), 1)
         both = _around(circles[a], circles[b])
         beyond = both[:, 2] + depths(footprint.hull, both[:, :2]) - footprint.rounding
-        if not len(both) or beyond.min() > excess:
+        if beyond.min() > excess:
             break
         one = int(a[np.argmin(beyond)])
         other = int(b[np.argmin(beyond)])
@@ -419,7 +419,7 @@ def spread(static, cov, line):  # type: ignore[no-untyped-def]
 def variance_along(direction, cov):  # type: ignore[no-untyped-def]
     """Return g S g' [m^2] of a direction g and the covariance S of a pose."""
     gx, gy, gt = direction
-    planar = gx * gx * cov[0] + 2.0 * gx * gy * cov[1] + gy * gy * cov[3]
+    planar = cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[3] * gy * gy
     return max(planar + 2.0 * gt * (gx * cov[2] + gy * cov[4]) + gt * gt * cov[5], MIN_VARIANCE)
 
 

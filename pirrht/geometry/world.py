@@ -26,34 +26,38 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal
-from pirrht.geometry.space import FREE, Space
+from pirrht.geometry.space import Space
 from pirrht.jit.jit import inlined
-from pirrht.jit.streams import ZERO
 
-WALL = 5  # numbers of a moving wall: clearance [m], unit vector (x, y) away, velocity there (x, y) [m/s]
+Pose = tuple[float, ...]
+WALL = 6  # numbers of a moving wall: clearance [m], direction away (x, y, heading), velocity there (x, y) [m/s]
 
 
 class MovingKernels(NamedTuple):
     """Kernels that rollouts, proposals and edges call among moving obstacles; all take their numbers (`Moving`) first.
 
     `watch` is scratch of one path after another; only the kernels know its fields. Rows of walls are clearance [m],
-    unit vector (x, y) away, zero inside, and velocity there (x, y) [m/s]. Places are (x, y) [m], times in [s].
+    direction away (x, y, heading), zero inside, and velocity there (x, y) [m/s]. Poses are those of the footprint's
+    member (`geometry.space`), without a heading where that does not matter; times are in [s].
     """
 
     watch: Any  # (moving): allocate scratch
     begin: Any  # (watch): begin another path
-    # (moving, watch, x, y, t, within, out (J, WALL)): write the walls nearer than `within` [m] to rows; return how
+    # (moving, watch, pose, t, within, out (J, WALL)): write the walls nearer than `within` [m] to rows; return how
     # many, and until when they keep their velocities and no obstacle is suddenly elsewhere.
     walls: Any
-    # (moving, watch, (x, y, mx, my), t, dt, cov, (line, weighed), state, out (J, WALL)): judge a noisy step of a
-    # covariance (xx, xy, yy) [m^2], whether noise acts along a line, whether survival is weighed. Return the next state
-    # of the random sequence, the share at which one is met, its wall being row 0, or NEVER, and log survival [nats].
+    # (moving, watch, (pose, moved), t, dt, cov, (most, weighed), state, out (J, WALL)): judge a noisy step of a
+    # covariance (xx, xy, xt, yy, yt, tt), the most variance of a clearance [m^2], whether survival is weighed. Return
+    # the next state of the random sequence, the share at which one is met, its wall being row 0, or NEVER, and log
+    # survival [nats].
     bridge: Any
-    # (moving, watch, (x, y, mx, my, turn), t, dt, stop): share at which a step without position noise, an arc that
+    # (moving, watch, (pose, moved, turn), t, dt, stop): share at which a step without position noise, an arc that
     # turns [rad], meets one, or NEVER; a share `stop` is judged.
     sweep: Any
-    clearance: Any  # (moving, x, y, t): clearance from the nearest [m]
-    certify: Any  # (moving, (ax, ay, s, bx, by, t)): FREE, BLOCKED or UNSURE for a straight step from a at s to b at t
+    clearance: Any  # (moving, pose, t): clearance from the nearest [m]
+    # (moving, (ax, ay, s, bx, by, t), heading): FREE, BLOCKED or UNSURE for a straight step from a at s to b at t
+    certify: Any
+    certify_turn: Any  # (moving, pose, angle, t): the same for a turn on the spot at a time
 
 
 @inlined
@@ -62,7 +66,7 @@ def unwatched(moving):  # type: ignore[no-untyped-def]
     return 0
 
 
-NOTHING_MOVES: Any = MovingKernels(unwatched, *[None] * 6)  # what kernels name in place of None, and never call
+NOTHING_MOVES: Any = MovingKernels(unwatched, *[None] * 7)  # what kernels name in place of None, and never call
 
 
 class Moving(Protocol):
@@ -79,20 +83,17 @@ class Moving(Protocol):
     def kernels(self) -> MovingKernels | None:
         """Return the kernels that answer for them; None where nothing moves."""
 
-    def clearance(self, x: float, y: float, t: float) -> float:
-        """Return the clearance of the robot's centre from the nearest [m]."""
+    def clearance(self, pose: Pose, t: float) -> float:
+        """Return the clearance of a pose from the nearest [m]."""
 
-    def walls(self, x: float, y: float, t: float, within: float) -> Array:
-        """Return clearance, unit vector away and velocity there of those `within` [m], (k, 5)."""
+    def walls(self, pose: Pose, t: float, within: float) -> Array:
+        """Return clearance, direction away and velocity there of those `within` [m], (k, WALL)."""
 
-    def certify(self, ax: float, ay: float, bx: float, by: float, s: float, t: float) -> int:
-        """Return FREE, UNSURE or BLOCKED for a straight step from (ax, ay) at s to (bx, by) at t."""
-
-    def distance(self, place: Array, t: float) -> float:
-        """Return FCL's clearance of the robot's centre at a place (2,)."""
+    def distance(self, pose: Array, t: float) -> float:
+        """Return the exact clearance of a pose (2,) or (3,)."""
 
     def meets(self, a: Array, s: float, b: Array, t: float) -> bool:
-        """Return whether a straight step from a (2,) at s to b (2,) at t meets one, by FCL where in doubt."""
+        """Return whether a straight step between poses, from a at s to b at t, meets one, exactly where in doubt."""
 
     def with_motions(self, movers: Sequence[Mover]) -> "Moving":
         """Return the obstacles on other motions; one thread at a time may query either."""
@@ -108,19 +109,15 @@ class NoMoving(NamedTuple):
     def kernels(self) -> None:
         """Kernels that are compiled leave moving obstacles out."""
 
-    def clearance(self, x: float, y: float, t: float) -> float:
+    def clearance(self, pose: Pose, t: float) -> float:
         """Nothing is near."""
         return np.inf
 
-    def walls(self, x: float, y: float, t: float, within: float) -> Array:
-        """Return no rows, (0, 5)."""
+    def walls(self, pose: Pose, t: float, within: float) -> Array:
+        """Return no rows, (0, WALL)."""
         return np.empty((0, WALL))
 
-    def certify(self, ax: float, ay: float, bx: float, by: float, s: float, t: float) -> int:
-        """Certify any step."""
-        return FREE
-
-    def distance(self, place: Array, t: float) -> float:
+    def distance(self, pose: Array, t: float) -> float:
         """Nothing is near."""
         return np.inf
 
@@ -146,11 +143,9 @@ class World(NamedTuple):
         """Take a snapshot of a static space, a goal of centre (d,) [m] and moving obstacles."""
         return cls(static, tuple(goal.center.tolist()), float(goal.radius), moving)
 
-    def clearance(self, pose: tuple[float, ...], t: float = 0.0) -> float:
+    def clearance(self, pose: Pose, t: float = 0.0) -> float:
         """Return a lower bound of the clearance of a pose from all walls at t [s], [m]."""
-        return min(
-            float(self.static.kernels.clearance(self.static, pose)), float(self.moving.clearance(pose[0], pose[1], t))
-        )
+        return min(float(self.static.kernels.clearance(self.static, pose)), float(self.moving.clearance(pose, t)))
 
     def off_walls(self, x: Array, reads: Sequence[int], t: float, gap: float) -> Array:
         """Return the nearest state to x (n,) where plans can begin at t [s], `gap` [m] off walls; it `reads` its pose.
@@ -165,10 +160,10 @@ class World(NamedTuple):
             nearest, direction, *_ = self.static.kernels.walls(self.static, pose)
             c = float(nearest)
             away = np.array(direction, dtype=float)
-            for row in self.moving.walls(pose[0], pose[1], t, c):
+            for row in self.moving.walls(pose, t, c):
                 if row[0] < c:
                     c = row[0]
-                    away[:2], away[2:] = row[1:3], 0.0
+                    away[:] = row[1 : 1 + len(away)]
             x = x.copy()
             x[at] += (gap - c) * steepest(away)
         return x
@@ -184,12 +179,12 @@ def merging(numbers: int) -> Any:
     """Build the kernel (walls, near, count, widest) that returns the two nearest walls of static and moving ones.
 
     `walls` are two static ones of poses of so many `numbers`; `count` rows of `near` (J, WALL) move, and are no nearer
-    than `widest` [m]. No heading brings them nearer.
+    than `widest` [m].
     """
 
     direction = inlined(lambda near, k: (np.float32(near[k, 1]), np.float32(near[k, 2])))
     if numbers == 3:
-        direction = inlined(lambda near, k: (np.float32(near[k, 1]), np.float32(near[k, 2]), ZERO))
+        direction = inlined(lambda near, k: (np.float32(near[k, 1]), np.float32(near[k, 2]), np.float32(near[k, 3])))
 
     @inlined
     def merged(walls, near, count, widest):  # type: ignore[no-untyped-def]

@@ -1,38 +1,38 @@
-"""Measure by FCL how far a robot is from moving obstacles and whether one passes over it, each in its own frame.
+"""Measure exactly how far a robot is from moving obstacles and whether one passes over it, each in its own frame.
 
-There its shape is static, and FCL measures the distance as from any static obstacle. Seen from a place,
-a distance changes no faster than the body: by its speed and its turning times its reach. So a distance known at one
-place and time leaves a cone in space and time that is surely free, and FCL is queried only where that is not
-enough. Swept capsules in the obstacle's frame decide whether one passes over the robot. A motion that starts over
-somewhere else jumps: earlier distances say nothing afterwards, and nothing is swept in between.
+There its shape is static, and distances are those from any static obstacle. Seen from a pose, a distance changes no
+faster than the body: by its speed and its turning times its reach. So a distance known at one pose and time leaves a
+cone that is surely free, and another is measured only where that is not enough. Distances at both ends of ever shorter
+pieces decide whether an obstacle passes over the robot. A motion that starts over somewhere else jumps: earlier
+distances say nothing afterwards, and nothing is between.
 """
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from itertools import pairwise, repeat
+from itertools import repeat
 from math import cos, hypot, inf, remainder, sin, tau
 
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray
-from pirrht.geometry.collision import SHORTEST, Collision
+from pirrht.geometry.collision import SHORTEST, Collision, touches
 from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.hulls import HullCollision
 from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.tuning import TUNING as GEOMETRY
-from pirrht.moving.tuning import TUNING
 
 NOWHERE = np.full(2, np.inf)
 
 
 class Body:
-    """One moving body, of a `shape` that FCL knows: free distances at a time, and how fast they may change."""
+    """One moving body, of a static `shape`: free distances at a time, and how fast they may change."""
 
     def __init__(self, mover: Mover, footprint: Footprint, shape: Collision | None = None) -> None:
-        self.shape = shape or Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint)
-        self._radius = footprint.radius
+        kind = Collision if footprint.is_disc else HullCollision
+        self.shape = shape or kind(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint)
+        self._reach = 0.0 if footprint.is_disc else footprint.reach  # of what a turn moves [m]
         motion = mover.motion
         self._lap = (
             motion if not motion.repeat and motion.offset == 0.0 else Motion(rows=motion.rows)
@@ -59,37 +59,29 @@ class Body:
         """Bound how far any of its points goes between two times [s], jumps aside [m]."""
         laps, s = self.lap(begin)
         more, t = self.lap(end)
+        return (more - laps) * self._travelled[-1] + self._rows_travel(s, t)
+
+    def _rows_travel(self, s: float, t: float) -> float:
+        """Bound how far any of its points goes between two times of the rows [s], [m]."""
         gone = np.interp([s, t], self._times, self._travelled)
-        return float((more - laps) * self._travelled[-1] + gone[1] - gone[0])
+        return float(gone[1] - gone[0])
 
-    def clearance(self, place: Array, row_time: float) -> float:
-        """Return the free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""
-        return float(self.shape.distance(_seen(np.append(place, self._lap.pose_at(row_time))))[0]) - self._radius
+    def clearance(self, pose: Array, row_time: float) -> float:
+        """Return the free distance of a robot at a pose (2,) or (3,) at a time of the rows [s]; 0 in contact."""
+        return float(self.shape.clearance(_seen(pose, self._lap.pose_at(row_time)))[0])
 
-    def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
-        """Return whether it touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
-        return any(self._meets(*piece) for piece in self._pieces(a, begin, b, end))
+    def meets(self, a: Array, begin: float, b: Array, end: float, undecided: bool) -> bool:
+        """Return whether it touches a robot that goes straight from a to b, poses, from `begin` to `end` [s]."""
+        return any(self._meets(*piece, undecided) for piece in self._pieces(a, begin, b, end))
 
-    def _meets(self, a: Array, s: float, b: Array, t: float) -> bool:
-        """Return whether it touches the robot between two times of the rows [s].
-
-        Seen from a body that does not turn a robot goes straight from row to row. Seen from one that turns it is off
-        the chord by no more than a bound that halving the way quarters.
-        """
-        knots = [s, *self._times[bisect_right(self._times, s) : bisect_left(self._times, t)], t]
-        shares = [(knot - s) / max(t - s, 1e-300) for knot in knots]
-        ends = [np.append(a + share * (b - a), self._lap.pose_at(k)) for share, k in zip(shares, knots, strict=True)]
-        pieces = list(pairwise(ends))
-        while pieces:
-            begin, end = pieces.pop()
-            off = _off_chord(begin, end)
-            if self.shape.segments_free(_seen(begin), _seen(end), off)[0]:
-                continue
-            if off < TUNING.hair:
-                return True
-            middle = 0.5 * (begin + end)
-            pieces += [(middle, end), (begin, middle)]
-        return False
+    def _meets(self, a: Array, s: float, b: Array, t: float, undecided: bool) -> bool:
+        """Return whether it touches the robot between two times of the rows [s]; clearances to either side tell."""
+        way = hypot(b[0] - a[0], b[1] - a[1]) + self._reach * float(np.abs(b[2:] - a[2:]).sum())
+        return touches(
+            lambda share: self.clearance(a + share * (b - a), s + share * (t - s)),
+            lambda p, q: (q - p) * way + self._rows_travel(s + p * (t - s), s + q * (t - s)),
+            undecided=undecided,
+        )
 
     def _pieces(self, a: Array, begin: float, b: Array, end: float) -> Iterator[tuple[Array, float, Array, float]]:
         """Cut a straight path where the motion starts over: places (2,) [m] and times of the rows [s] of both ends."""
@@ -109,89 +101,96 @@ class MovingObstacles:
     """All moving obstacles around a robot."""
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint, shapes: Sequence[Collision] = ()) -> None:
-        self._footprint = footprint
+        self.footprint = footprint
+        self._reach = 0.0 if footprint.is_disc else footprint.reach  # of what a turn moves [m]
         known = shapes or repeat(None, len(movers))
         self._bodies = [Body(mover, footprint, shape) for mover, shape in zip(movers, known, strict=True)]
         self._speeds = np.array([body.speed for body in self._bodies])
         self._fastest = float(self._speeds.max(initial=0.0))
-        # Known of each: a free distance [m], where, at which time, and from when to when that holds [s].
-        self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
-        self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
+        # Known of each: a free distance [m], at which pose and time, and from when to when that holds [s].
+        self._each = np.tile([-inf, 0.0, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
+        self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, 0.0, -inf, inf)
 
     def with_motions(self, movers: Sequence[Mover]) -> "MovingObstacles":
         """Return these obstacles on other motions; FCL's solids are shared, and queried by one thread at a time."""
-        return MovingObstacles(movers, self._footprint, [body.shape for body in self._bodies])
+        return MovingObstacles(movers, self.footprint, [body.shape for body in self._bodies])
 
-    def clearance(self, place: Array, time: float) -> float:
-        """Return the free distance to the nearest obstacle at a place (2,) [m] and time [s]; at most 0 in contact."""
-        lower = self._lower(place, time)
+    def clearance(self, pose: Array, time: float) -> float:
+        """Return the free distance to the nearest obstacle at a pose (2,) or (3,) and time [s]; 0 in contact."""
+        lower, (x, y, heading) = self._lower(pose, time), _whole(pose)
         best, holds, ends = inf, -inf, inf
         for j in np.argsort(lower, kind="stable"):
             if lower[j] < best:
                 body = self._bodies[j]
                 count, row_time = body.lap(time)
-                free = body.clearance(place, row_time)
-                self._each[j] = free, place[0], place[1], time, time - row_time if count else -inf, body.until(time)
+                free = body.clearance(pose, row_time)
+                since = time - row_time if count else -inf
+                self._each[j] = free, x, y, heading, time, since, body.until(time)
                 best = min(best, free)
         if len(lower):
-            holds = float(self._each[:, 4].max())
-            ends = float(self._each[:, 5].min())
-        self._all = best, float(place[0]), float(place[1]), time, holds, ends
+            holds = float(self._each[:, 5].max())
+            ends = float(self._each[:, 6].min())
+        self._all = best, x, y, heading, time, holds, ends
         return best
 
     def travel(self, begin: float, end: float) -> float:
         """Bound how far any point of any obstacle goes between two times [s], jumps aside [m]."""
         return max((body.travel(begin, end) for body in self._bodies), default=0.0)
 
-    def surely(self, place: Array, time: float) -> float:
-        """Return a lower bound of the free distance at a place (2,) [m] and time [s], without a query [m]."""
-        free, x, y, when, holds, ends = self._all
+    def surely(self, pose: Array, time: float) -> float:
+        """Return a lower bound of the free distance at a pose (2,) or (3,) and time [s], without a query [m]."""
+        free, at_x, at_y, at_heading, when, holds, ends = self._all
         if not holds <= time < ends:
             return -inf
-        return free - hypot(place[0] - x, place[1] - y) - self._fastest * abs(time - when)
+        x, y, heading = _whole(pose)
+        away = hypot(x - at_x, y - at_y) + self._reach * abs(heading - at_heading)
+        return free - away - self._fastest * abs(time - when)
 
-    def meets(self, a: Array, begin: float, b: Array, end: float, which: BoolArray | None = None) -> bool:
-        """Return whether any of `which` (J,) touches a robot that goes from a to b (2,) [m], `begin` to `end` [s]."""
+    def meets(
+        self, a: Array, begin: float, b: Array, end: float, which: BoolArray | None = None, undecided: bool = False
+    ) -> bool:  # fmt: skip
+        """Return whether any of `which` (J,) touches a robot that goes from pose a to b, `begin` to `end` [s].
+
+        What passes within a twentieth of a millimetre is `undecided`.
+        """
         if min(self.surely(a, begin), self.surely(b, end)) > 0.0:
             return False
         near = ~(np.minimum(self._lower(a, begin), self._lower(b, end)) > 0.0)
         near = near if which is None else near & which
-        return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(near))
+        return any(self._bodies[j].meets(a, begin, b, end, undecided) for j in np.flatnonzero(near))
 
-    def _lower(self, place: Array, time: float) -> Array:
+    def _lower(self, pose: Array, time: float) -> Array:
         """Return lower bounds of the free distances to all obstacles, (J,) [m]."""
-        free, at_x, at_y, when, holds, ends = self._each.copy().T  # as a whole, whoever asks meanwhile
-        lower = free - np.hypot(place[0] - at_x, place[1] - at_y) - self._speeds * np.abs(time - when)
-        return np.where((holds <= time) & (time < ends), lower, -inf)
+        free, at_x, at_y, at_heading, when, holds, ends = self._each.copy().T  # as a whole, whoever asks meanwhile
+        x, y, heading = _whole(pose)
+        away = np.hypot(x - at_x, y - at_y) + self._reach * np.abs(heading - at_heading)
+        return np.where((holds <= time) & (time < ends), free - away - self._speeds * np.abs(time - when), -inf)
 
 
-def _seen(both: Array) -> Array:
-    """Return a place x, y [m] in the frame of a body at x, y [m] and a yaw [rad], (5,) -> (1, 2) [m]."""
-    x, y, body_x, body_y, yaw = both.tolist()
+def _whole(pose: Array) -> tuple[float, float, float]:
+    """Return x, y [m] and heading [rad] of a pose (2,) or (3,)."""
+    x, y, *heading = pose.tolist()
+    return x, y, heading[0] if heading else 0.0
+
+
+def _seen(pose: Array, body: Iterable[float]) -> Array:
+    """Return a pose (2,) or (3,) in the frame of a body at x, y [m] and a yaw [rad], (1, 2) or (1, 3)."""
+    x, y, *heading = pose.tolist()
+    body_x, body_y, yaw = body
 
     c = cos(yaw)
     s = sin(yaw)
     dx, dy = x - body_x, y - body_y
 
-    return np.array([[c * dx + s * dy, c * dy - s * dx]])
-
-
-def _off_chord(begin: Array, end: Array) -> float:
-    """Bound how far the path between two places and poses, all five linear, is off its chord in the body's frame [m].
-
-    An eighth of its second derivative's bound: with r from the body and a turn w that is |w|^2 |r| + 2 |w| |dr|.
-    """
-    x, y = (begin[:2] - begin[2:4]).tolist()
-    u, v = (end[:2] - end[2:4]).tolist()
-    turn = abs(float(end[4] - begin[4]))
-    return 0.125 * turn * (turn * max(hypot(x, y), hypot(u, v)) + 2.0 * hypot(u - x, v - y))
+    return np.array([[c * dx + s * dy, c * dy - s * dx, *(one - yaw for one in heading)]])
 
 
 @lru_cache(maxsize=GEOMETRY.shapes)  # obstacles keep their solids when their motions are predicted again
 def radius_of(solids: tuple[Obstacle, ...]) -> float:
     """Return how far an obstacle's solids extend from its origin, seen from above, at most [m]."""
     every = Solids.of(solids)
-    return float(np.hypot(*np.maximum(np.abs(every.low), np.abs(every.high)).T).max(initial=0.0))
+    far = np.maximum(np.abs(every.low[:, :2]), np.abs(every.high[:, :2]))
+    return float(np.hypot(*far.T).max(initial=0.0))
 
 
 def travels(motion: Motion, radius: float) -> Array:

@@ -1,11 +1,15 @@
 """Pose moving obstacles at a time and measure how far the robot is from them, in kernels.
 
 All times are on one clock, on which 0 is now. Between two rows of its motion an obstacle keeps its velocity: such a
-piece of a motion is given by the pose at a time, the rates at which it changes, and until when it does so.
+piece of a motion is given by the pose at a time, the rates at which it changes, and until when it does so. The robot is
+a union of discs, in groups (`geometry.polygon`), at a pose of its own: a robot that is a disc is one, at any heading.
 """
 
 import math
 
+import numpy as np
+
+from pirrht.geometry.polygon import ROW as DISC
 from pirrht.geometry.shapes import offset_of, outside
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 from pirrht.moving.tuning import BODY, PARTS, ROW, SOLID, TABLE
@@ -21,7 +25,7 @@ def clock_of(moving, j):  # type: ignore[no-untyped-def]
 
 @inlined
 def disc_of(moving, j):  # type: ignore[no-untyped-def]
-    """Return the radius of the disc around the origin of obstacle j outside of which the robot's centre is free [m]."""
+    """Return the radius of the disc around the origin of obstacle j outside of which the robot is free [m]."""
     return load_float64(moving.body, BODY * j + RADIUS)
 
 
@@ -97,7 +101,7 @@ def _in_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
 
 @inlined
 def clearance_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
-    """Return the clearance of the robot at (u, v) [m] in an obstacle's frame from its solid k [m]; -radius inside."""
+    """Return the clearance of the least disc at (u, v) [m] in an obstacle's frame from its solid k; -radius inside."""
     form = load_int64(moving.form, TABLE * k)
     if form < 0:
         return _in_table(moving, k, u, v)[0] - moving.robot
@@ -181,43 +185,83 @@ def turned_back(c, s, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def clearance_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
-    """Return the clearance of (x, y) [m] from obstacle j at (ox, oy) [m] and a yaw of cosine c and sine s [m]."""
-    u, v = turned_back(c, s, x - ox, y - oy)
-    best = moving.cutoff
-    for k in solids_of(moving, j):
-        best = min(best, clearance_of_solid(moving, k, u, v))
-    return best
+def _disc(moving, i, seen):  # type: ignore[no-untyped-def]
+    """Return place and radius beyond the least [m] of disc or group i of a robot `_seen` in an obstacle's frame."""
+    (u, v, c, s), at = seen, moving.discs + 8 * DISC * i
+    a = load_float64(at, 0)
+    b = load_float64(at, 1)
+    return u + (c * a - s * b), v + (s * a + c * b), load_float64(at, 2)
 
 
 @inlined
-def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
-    """Return clearance, unit vector (x, y) away from obstacle j's nearest point, and the vector (x, y) from there [m].
-
-    It is at (ox, oy) [m] and a yaw of cosine c and sine s. Both vectors are zero inside of it and beyond the cutoff.
-    """
+def _seen(moving, body, pose):  # type: ignore[no-untyped-def]
+    """Return place [m], and cosine and sine of the heading, of a robot seen from a body (x, y, cosine, sine of yaw)."""
+    (ox, oy, c, s), (x, y, th) = body, pose
     u, v = turned_back(c, s, x - ox, y - oy)
-    best = moving.cutoff
-    which = -1
+    ahead, aside = 1.0, 0.0
+    if moving.reach > 0.0:
+        ahead, aside = turned_back(c, s, math.cos(th), math.sin(th))
+    return u, v, ahead, aside
 
-    for k in solids_of(moving, j):
-        d = clearance_of_solid(moving, k, u, v)
-        if d < best:
-            best, which = d, k
+
+@inlined
+def _nearest(moving, j, seen):  # type: ignore[no-untyped-def]
+    """Return the clearance from obstacle j up to the cutoff [m], and the nearest solid and disc or group; else -1."""
+    best, which, disc = moving.cutoff, -1, -1
+    for g in range(moving.groups):
+        row = moving.discs + 8 * DISC * g
+        u, v, radius = _disc(moving, g, seen)
+        for k in solids_of(moving, j):
+            d = clearance_of_solid(moving, k, u, v) - radius
+            if d >= best:
+                continue
+            if d >= moving.near:
+                best, which, disc = d, k, g
+                continue
+            for i in range(np.int64(load_float64(row, 4)), np.int64(load_float64(row, 5))):
+                p, q, r = _disc(moving, i, seen)
+                d = clearance_of_solid(moving, k, p, q) - r
+                if d < best:
+                    best, which, disc = d, k, i
+    return best, which, disc
+
+
+@inlined
+def clearance_facing(moving, j, body, pose):  # type: ignore[no-untyped-def]
+    """Return the clearance of a pose from obstacle j [m], which is at (x, y) [m] and a yaw of a cosine and sine."""
+    return _nearest(moving, j, _seen(moving, body, pose))[0]
+
+
+@inlined
+def wall_facing(moving, j, body, pose):  # type: ignore[no-untyped-def]
+    """Return clearance, direction (x, y, heading) away from obstacle j's nearest point, and the way (x, y) from there.
+
+    The body is at (x, y) [m] and a yaw of a cosine and sine, the way leads to the robot's centre [m]. Both vectors are
+    zero inside of it and beyond the cutoff.
+    """
+    _, _, c, s = body
+    seen = _seen(moving, body, pose)
+    best, which, disc = _nearest(moving, j, seen)
     if which < 0:
-        return best, 0.0, 0.0, 0.0, 0.0
+        return best, 0.0, 0.0, 0.0, 0.0, 0.0
+    u, v, _ = _disc(moving, disc, seen)
+    du = u - seen[0]
+    dv = v - seen[1]
+
     ex, ey, gx, gy = offset_of_solid(moving, which, u, v)
     size = max(math.sqrt(gx * gx + gy * gy), 1e-300)
     gx, gy = gx / size, gy / size
-    return best, c * gx - s * gy, s * gx + c * gy, c * ex - s * ey, s * ex + c * ey
+    ex, ey = ex - du, ey - dv
+    return best, c * gx - s * gy, s * gx + c * gy, gy * du - gx * dv, c * ex - s * ey, s * ex + c * ey
 
 
 @kernel
-def moving_clearance(moving, x, y, t):  # type: ignore[no-untyped-def]
-    """Return the clearance of the robot's centre at (x, y) [m] from all obstacles at t [s], up to the cutoff [m]."""
+def moving_clearance(moving, pose, t):  # type: ignore[no-untyped-def]
+    """Return the clearance of a pose from all obstacles at t [s], up to the cutoff [m]."""
+    x, y, th = pose[0], pose[1], pose[-1]
     best = moving.cutoff
     for j in range(moving.J):
         ox, oy, yaw, _, _, _, _ = piece_of(moving, j, t)
         if outside_of(moving, j, ox, oy, x, y) < best:
-            best = min(best, clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y))
+            best = min(best, clearance_facing(moving, j, (ox, oy, math.cos(yaw), math.sin(yaw)), (x, y, th)))
     return best

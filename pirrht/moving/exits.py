@@ -3,7 +3,8 @@
 Of J obstacles only the candidates are posed: a list serves as long as none of the others can have come near, by the
 speeds of path and obstacles. A candidate keeps its velocity until its motion next changes. Relative to a flat wall at
 constant speed a noisy path is a Brownian bridge, which misses that wall with probability 1 - exp(-2 c d / variance), c
-and d being the clearances when the step begins and ends.
+and d being the clearances when the step begins and ends. Poses are tuples that end with the heading [rad], where there
+is one that counts.
 """
 
 import math
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.geometry.polygon import variance_along
 from pirrht.geometry.space import NEVER
 from pirrht.jit.jit import borrowing, inlined, kernel, part
 from pirrht.jit.streams import FAR, MIN_VARIANCE, first_crossing, survival, uniform
@@ -30,7 +32,7 @@ from pirrht.moving.distances import (
 from pirrht.moving.tuning import LISTING, POSED, TUNING
 
 REACH, X, Y, SEEN, AFTER, SERVES, COUNT = range(LISTING)
-D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, KNOWN = range(POSED)
+D, NX, NY, NTH, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, KNOWN = range(POSED)
 
 
 class Watch(NamedTuple):
@@ -105,8 +107,9 @@ def _see(moving, j, t, near):  # type: ignore[no-untyped-def]
 
 
 @part
-def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
-    """Complete what is known of obstacle j as seen from (x, y) [m]."""
+def _know(moving, j, pose, near):  # type: ignore[no-untyped-def]
+    """Complete what is known of obstacle j as seen from a pose (x, y, heading)."""
+    x, y, _ = pose
     ox, oy = near[j, OX], near[j, OY]
     yaw = near[j, YAW]
 
@@ -114,11 +117,12 @@ def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
         near[j, COS] = math.cos(yaw)
         near[j, SIN] = math.sin(yaw)
         near[j, FACED] = yaw
-    d, nx, ny, ex, ey = wall_facing(moving, j, ox, oy, near[j, COS], near[j, SIN], x, y)
+    d, nx, ny, turn, ex, ey = wall_facing(moving, j, (ox, oy, near[j, COS], near[j, SIN]), pose)
 
     near[j, D] = d
     near[j, NX] = nx
     near[j, NY] = ny
+    near[j, NTH] = turn
     near[j, KNOWN] = 1.0
 
     near[j, WX] = near[j, VX] - near[j, TURN] * (y - ey - oy)
@@ -126,25 +130,27 @@ def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
 
 
 @part
-def _look(moving, notes, x, y, t, within):  # type: ignore[no-untyped-def]
+def _look(moving, notes, pose, t, within):  # type: ignore[no-untyped-def]
     """Pose the candidates at t [s] and measure those `within` [m]; return until when these keep velocities."""
+    x, y, _ = pose
     near, until = notes.near, notes.listing[SERVES]
     for k in range(int(notes.listing[COUNT])):
         j = notes.candidates[k]
         _see(moving, j, t, near)
         near[j, D], near[j, KNOWN] = outside_of(moving, j, near[j, OX], near[j, OY], x, y), 0.0
         if near[j, D] < within:
-            _know(moving, j, x, y, near)
+            _know(moving, j, pose, near)
             until = min(until, near[j, UNTIL])
     return until
 
 
 @part
-def walls(moving, notes, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """Write walls nearer than `within` to (x, y) [m] at t [s] to rows of `out` (J, WALL); `MovingKernels.walls`."""
+def walls(moving, notes, pose, t, within, out):  # type: ignore[no-untyped-def]
+    """Write walls nearer than `within` [m] to a pose at t [s] to rows of `out` (J, WALL); `MovingKernels.walls`."""
+    x, y, th = pose[0], pose[1], pose[-1]
     if not _serves(moving, notes, x, y, t, within):
         _list(moving, notes, x, y, t, within + TUNING.skin)
-    until, near, count = _look(moving, notes, x, y, t, within), notes.near, 0
+    until, near, count = _look(moving, notes, (x, y, th), t, within), notes.near, 0
     for k in range(int(notes.listing[COUNT])):
         j = notes.candidates[k]
         if near[j, KNOWN] == 1.0 and near[j, D] < within:
@@ -154,37 +160,37 @@ def walls(moving, notes, x, y, t, within, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def walls_at(moving, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """Write walls nearer than `within` to (x, y) [m] at t [s] to rows of `out` (J, WALL); return how many."""
-    return walls(moving, watch(moving), x, y, t, within, out)[0]
+def walls_at(moving, pose, t, within, out):  # type: ignore[no-untyped-def]
+    """Write walls nearer than `within` [m] to a pose at t [s] to rows of `out` (J, WALL); return how many."""
+    return walls(moving, watch(moving), pose, t, within, out)[0]
 
 
 @part
 def _towards(near, j, cov):  # type: ignore[no-untyped-def]
     """Return the variance of a step towards obstacle j."""
-    if cov[1] == 0.0 and cov[0] == cov[2]:
+    if cov[1] == 0.0 and cov[0] == cov[3] and cov[5] == 0.0:
         return cov[0]
-    nx, ny = near[j, NX], near[j, NY]
-    return max(cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny, MIN_VARIANCE)
+    return variance_along((near[j, NX], near[j, NY], near[j, NTH]), cov)
 
 
 @part
-def _passes(moving, j, near, way, dt, cov, square):  # type: ignore[no-untyped-def]
+def _passes(moving, j, near, here, there, dt, cov, square):  # type: ignore[no-untyped-def]
     """Return the probability that a noisy step misses obstacle j; 1 if twice both clearances' product is > `square`."""
-    (x, y, mx, my), c = way, near[j, D]
-    length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y))
+    (x, y, th), (mx, my, mth), c = here, there, near[j, D]
+    swing = moving.reach * abs(mth - th)
+    length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y)) + swing
     d = c - length - fastest_of(moving, j) * dt
     if d > 0.0 and 2.0 * c * d >= square:
         return 1.0, c, d, 0.0
     px = near[j, OX] + dt * near[j, VX]
     py = near[j, OY] + dt * near[j, VY]
     seen = math.sqrt((mx - x - px + near[j, OX]) ** 2 + (my - y - py + near[j, OY]) ** 2)
-    seen += abs(near[j, TURN]) * dt * disc_of(moving, j)
+    seen += abs(near[j, TURN]) * dt * disc_of(moving, j) + swing
     d = outside_of(moving, j, px, py, mx, my)
     if c > 0.0 and d > 0.0 and 2.0 * c * d >= square and c + d > seen:
         return 1.0, c, d, 0.0
     if near[j, KNOWN] == 0.0:
-        _know(moving, j, x, y, near)
+        _know(moving, j, here, near)
         c = near[j, D]
     cos = near[j, COS]
     sin = near[j, SIN]
@@ -193,24 +199,24 @@ def _passes(moving, j, near, way, dt, cov, square):  # type: ignore[no-untyped-d
         yaw = near[j, YAW] + dt * near[j, TURN]
         cos = math.cos(yaw)
         sin = math.sin(yaw)
-    d = clearance_facing(moving, j, px, py, cos, sin, mx, my)
+    d = clearance_facing(moving, j, (px, py, cos, sin), there)
     if c > 0.0 and d > 0.0 and c + d <= seen:
-        d = _behind(moving, j, near, way, dt, c, d, seen)
+        d = _behind(moving, j, near, here, there, dt, c, d, seen)
     variance = _towards(near, j, cov)
     return survival(c, d, variance) if c > 0.0 else 0.0, c, d, variance
 
 
 @part
-def _behind(moving, j, near, way, dt, c, d, length):  # type: ignore[no-untyped-def]
+def _behind(moving, j, near, here, there, dt, c, d, length):  # type: ignore[no-untyped-def]
     """Return clearance d of a step's end; negative if its chord meets the obstacle, as if it ended inside of that."""
-    (x, y, mx, my), share = way, c / length
+    (x, y, th), (mx, my, mth), share = here, there, c / length
     while share < 1.0 - d / length:
         then = share * dt
         yaw = near[j, YAW] + then * near[j, TURN]
         ox = near[j, OX] + then * near[j, VX]
         oy = near[j, OY] + then * near[j, VY]
-        px = x + share * (mx - x)
-        e = clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), px, y + share * (my - y))
+        pose = x + share * (mx - x), y + share * (my - y), th + share * (mth - th)
+        e = clearance_facing(moving, j, (ox, oy, math.cos(yaw), math.sin(yaw)), pose)
         if e <= 0.0:
             return c * (1.0 - 1.0 / share)
         share += max(e, TUNING.sweep_step * moving.robot) / length
@@ -218,15 +224,20 @@ def _behind(moving, j, near, way, dt, c, d, length):  # type: ignore[no-untyped-
 
 
 @part
-def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no-untyped-def]
+def bridge(moving, notes, step, t, dt, cov, rule, state, out):  # type: ignore[no-untyped-def]
     """Find which obstacle a noisy step meets and when: `MovingKernels.bridge`."""
-    (x, y, mx, my), (line, weighed) = way, rule
-    square = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
+    (before, after), (most, weighed) = step, rule
+    here = before[0], before[1], before[-1]
+    there = after[0], after[1], after[-1]
+    x, y, th = here
+    mx, my, mth = there
+    square = FAR * most
     spread = math.sqrt(0.5 * square)
-    within = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y)) + spread + moving.speed * dt
+    length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y)) + moving.reach * abs(mth - th)
+    within = length + spread + moving.speed * dt
     if not _serves(moving, notes, x, y, t, within):
         _list(moving, notes, x, y, t, within + TUNING.skin)
-        _look(moving, notes, x, y, t, spread)
+        _look(moving, notes, here, t, spread)
 
     alive = 1.0
     worst = 2.0
@@ -236,7 +247,7 @@ def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no
     variance = 0.0
 
     for k in range(int(notes.listing[COUNT])):
-        survives, c, d, towards = _passes(moving, notes.candidates[k], notes.near, way, dt, cov, square)
+        survives, c, d, towards = _passes(moving, notes.candidates[k], notes.near, here, there, dt, cov, square)
         alive *= survives
         if survives < worst:
             worst = survives
@@ -259,16 +270,19 @@ def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no
 @borrowing
 def sweep(moving, notes, step, t, dt, stop):  # type: ignore[no-untyped-def]
     """Find the share at which a step without position noise meets an obstacle, by certified parts: `MovingKernels`."""
-    x, y, mx, my, turn = step
+    before, after, turn = step
+    x, y, th = before[0], before[1], before[-1]
+    mx, my, mth = after[0], after[1], after[-1]
+    swing = moving.reach * abs(mth - th)
     length = math.sqrt((mx - x) ** 2 + (my - y) ** 2)
-    within = length * (1.0 + abs(turn)) + moving.speed * dt
+    within = length * (1.0 + abs(turn)) + swing + moving.speed * dt
     if not _serves(moving, notes, x, y, t, within) or t + dt > notes.listing[SERVES]:
         _list(moving, notes, x, y, t, within + TUNING.skin)
         if t + dt > notes.listing[SERVES]:  # one is suddenly elsewhere meanwhile
             _list(moving, notes, x, y, t, math.inf)
 
     bow = 0.5 * turn * length
-    rate = length * math.sqrt(1.0 + 0.25 * turn * turn)
+    rate = length * math.sqrt(1.0 + 0.25 * turn * turn) + swing
     share = 0.0
 
     while True:
@@ -288,7 +302,8 @@ def sweep(moving, notes, step, t, dt, stop):  # type: ignore[no-untyped-def]
             speed = rate + fastest_of(moving, j) * dt
             c = outside_of(moving, j, ox, oy, px, py)
             if c <= speed * ahead:
-                c = clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), px, py)
+                pose = px, py, th + share * (mth - th)
+                c = clearance_facing(moving, j, (ox, oy, math.cos(yaw), math.sin(yaw)), pose)
             if c <= 0.0:
                 return share
             ahead = min(ahead, max(c, TUNING.sweep_step * moving.robot) / max(speed, MIN_VARIANCE))

@@ -8,19 +8,21 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.footprint import Footprint, cover
 from pirrht.geometry.obstacle import Mover, Obstacle
+from pirrht.geometry.polygon import grouped
 from pirrht.geometry.scene import Scene, Workspace
 from pirrht.geometry.shapes import Solids
-from pirrht.geometry.world import WALL, MovingKernels
+from pirrht.geometry.tuning import TUNING as GEOMETRY
+from pirrht.geometry.world import WALL, MovingKernels, Pose
 from pirrht.jit.records import Held
-from pirrht.moving.certify import certify, note_unsure
+from pirrht.moving.certify import certify, certify_turn, note_unsure
 from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
 from pirrht.moving.distances import FASTEST, moving_clearance
 from pirrht.moving.exits import begin, bridge, sweep, walls, walls_at, watch
 from pirrht.moving.tuning import BODY, PARTS, ROW, TUNING
 
-KERNELS = MovingKernels(watch, begin, walls, bridge, sweep, moving_clearance, certify)
+KERNELS = MovingKernels(watch, begin, walls, bridge, sweep, moving_clearance, certify, certify_turn)
 
 
 class ObstacleNumbers(NamedTuple):
@@ -36,7 +38,12 @@ class ObstacleNumbers(NamedTuple):
     table: int  # address of float64: distances on these lattices, one after the other [m]
     pitch: float  # spacing of all lattices [m]
     height: float  # of the robot's centre [m]
-    robot: float  # radius [m]
+    robot: float  # radius of the least of its discs [m]
+    discs: int  # address of float64 (size, DISC): groups, then the discs that cover the robot (`geometry.polygon`)
+    groups: int  # number of groups
+    near: float  # up to this clearance of a group its discs count [m]
+    reach: float  # by how much a turn moves any point of the robot at most per radian [m/rad]; 0 for a disc
+    excess: float  # by which a disc reaches beyond the robot at most [m]
     speed: float  # the greatest of any point of any body, jumps aside [m/s]
     cutoff: float  # clearances are reported up to this [m]
 
@@ -50,63 +57,62 @@ class MovingObstacleArrays(Held, ObstacleNumbers):
     @classmethod
     def of(cls, scene: Scene) -> "MovingObstacleArrays":
         """Gather the moving obstacles of a scene; J may be 0."""
-        return cls.around(
-            scene.footprint, scene.movers, max(TUNING.cutoff_radii * scene.footprint.radius, TUNING.min_cutoff)
-        )
+        radius = scene.footprint.radius if scene.footprint.is_disc else 0.0  # lattices are finer for a polygon's discs
+        return cls.around(scene.footprint, scene.movers, max(TUNING.cutoff_radii * radius, TUNING.min_cutoff))
 
     @classmethod
     def around(cls, footprint: Footprint, movers: Sequence[Mover], cutoff: float) -> "MovingObstacleArrays":
         """Gather obstacles around a robot, distances from whose solids are right up to a cutoff [m]."""
-        shapes, pitch = _shapes([solid for mover in movers for solid in mover.solids], footprint, cutoff)
-        sizes = pitch, float(footprint.height), float(footprint.radius)
-        return cls._holding(movers, shapes, sizes, cutoff, MovingObstacles(movers, footprint))
+        excess = 0.0 if footprint.is_disc else TUNING.cover_share * GEOMETRY.excess
+        discs = cover(footprint, excess)
+        least, most = float(discs[:, 2].min()), float(discs[:, 2].max())
+        table, groups = grouped(footprint, discs, GEOMETRY.group_excess * excess)
+        solids = [solid for mover in movers for solid in mover.solids]
+        shapes, pitch = _shapes(solids, footprint.height, least, cutoff + most)
+        reach = 0.0 if footprint.is_disc else footprint.reach
+        robot = least, table, groups, GEOMETRY.tight * excess, reach, excess
+        rest = (*shapes, pitch, float(footprint.height), *robot)
+        return cls._holding(movers, rest, cutoff, MovingObstacles(movers, footprint))
 
     def with_motions(self, movers: Sequence[Mover]) -> "MovingObstacleArrays":
         """Return these obstacles on other motions; shapes, FCL's included, are shared: one thread at a time asks."""
-        shapes = [self.held[name] for name in ("solid", "form", "corner", "table")]
-
-        return self._holding(
-            movers, shapes, (self.pitch, self.height, self.robot), self.cutoff, self.collision.with_motions(movers)
-        )
+        rest = [*self.contents.values()][ObstacleNumbers._fields.index("solid") : -2]
+        return self._holding(movers, rest, self.cutoff, self.collision.with_motions(movers))
 
     @classmethod
     def _holding(
-        cls, movers: Sequence[Mover], shapes: Sequence[Array | IntArray], sizes: tuple[float, float, float],
-        cutoff: float, collision: MovingObstacles,
+        cls, movers: Sequence[Mover], rest: Sequence[Any], cutoff: float, collision: MovingObstacles
     ) -> "MovingObstacleArrays":  # fmt: skip
-        motions = _motions(movers, sizes[2])
-        arrays: Sequence[Any] = [np.ascontiguousarray(one) for one in (*motions, *shapes)]
-        numbers: Sequence[float] = *sizes, float(motions[0][:, FASTEST].max(initial=0.0)), cutoff
-        made = cls.holding(len(movers), *arrays, *numbers)
+        """Make it of motions, and the fields from `solid` to `excess`."""
+        motions = _motions(movers, collision.footprint.reach)
+        whole = [np.ascontiguousarray(one) if isinstance(one, np.ndarray) else one for one in (*motions, *rest)]
+        made = cls.holding(len(movers), *whole, float(motions[0][:, FASTEST].max(initial=0.0)), cutoff)
         made.collision = collision
         return made
 
-    def clearance(self, x: float, y: float, t: float) -> float:
-        """Return the clearance of the robot's centre (x, y) [m] from the nearest at t [s], up to the cutoff [m]."""
-        return float(moving_clearance(self, x, y, t))
+    def clearance(self, pose: Pose, t: float) -> float:
+        """Return the clearance of a pose from the nearest at t [s], up to the cutoff [m]."""
+        return float(moving_clearance(self, pose, t))
 
-    def walls(self, x: float, y: float, t: float, within: float) -> Array:
-        """Return clearance [m], unit vector (x, y) away and velocity (x, y) [m/s] of those `within` [m], (k, 5)."""
+    def walls(self, pose: Pose, t: float, within: float) -> Array:
+        """Return clearance [m], direction away and velocity (x, y) [m/s] of those `within` [m] of a pose, (k, WALL)."""
         out = np.empty((self.J, WALL))
-        return out[: walls_at(self, x, y, t, within, out)]
+        return out[: walls_at(self, pose, t, within, out)]
 
-    def certify(self, ax: float, ay: float, bx: float, by: float, s: float, t: float) -> int:
-        """Return FREE, UNSURE or BLOCKED for a straight step from (ax, ay) [m] at s [s] to (bx, by) at t."""
-        return int(certify(self, (ax, ay, s, bx, by, t)))
-
-    def distance(self, place: Array, t: float) -> float:
-        """Return FCL's clearance of the robot's centre at a place (2,) [m] at t [s]."""
-        return self.collision.clearance(place, t)
+    def distance(self, pose: Array, t: float) -> float:
+        """Return the exact clearance of a pose (2,) or (3,) [m, m, rad] at t [s], [m]."""
+        return self.collision.clearance(pose, t)
 
     def meets(self, a: Array, s: float, b: Array, t: float) -> bool:
-        """Return whether a straight step from a (2,) [m] at s [s] to b (2,) at t meets one, by FCL where in doubt."""
-        unsure = np.zeros(self.J, dtype=np.bool_)
-        note_unsure(self, (float(a[0]), float(a[1]), s, float(b[0]), float(b[1]), t), unsure)
-        return bool(unsure.any()) and self.collision.meets(a, s, b, t, unsure)
+        """Return whether a straight step between poses, a at s [s] and b at t, meets one, exactly where in doubt."""
+        unsure = np.ones(self.J, dtype=np.bool_)
+        if a[-1] == b[-1] or len(a) == 2:  # else it turns
+            note_unsure(self, (float(a[0]), float(a[1]), s, float(b[0]), float(b[1]), t), float(a[-1]), unsure)
+        return bool(unsure.any()) and self.collision.meets(a, s, b, t, unsure, undecided=True)
 
 
-def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array]:
-    """Return the first of the arrays, bodies, parts and rows, of obstacles about a robot of a radius [m]."""
+def _motions(movers: Sequence[Mover], reach: float) -> tuple[Array, IntArray, Array]:
+    """Return the first of the arrays, bodies, parts and rows, of obstacles about a robot that reaches so far [m]."""
     body = np.zeros((len(movers), BODY))
     parts = np.zeros((len(movers), PARTS), dtype=np.int64)
     rows = []
@@ -115,7 +121,7 @@ def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, A
     for j, mover in enumerate(movers):
         motion, far = mover.motion, radius_of(mover.solids)
         body[j] = (
-            motion.offset, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + radius,
+            motion.offset, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + reach,
             speed_bound(motion, far),
         )  # fmt: skip
         parts[j] = row, row + len(motion.rows), solid, solid + len(mover.solids)
@@ -126,21 +132,22 @@ def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, A
 
 
 def _shapes(
-    obstacles: list[Obstacle], footprint: Footprint, cutoff: float
+    obstacles: list[Obstacle], height: float, radius: float, margin: float
 ) -> tuple[tuple[Array | IntArray, ...], float]:
     """Return the last of the arrays, of solids in the frames of their obstacles, and the spacing of lattices [m].
 
-    Boxes, cylinders, spheres and capsules have closed forms; others have FCL's distances on a lattice around each, less
-    the excess of interpolation, since next to large solids lattices are coarse for a small robot.
+    Boxes, cylinders, spheres and capsules have closed forms; others have FCL's distances on a lattice up to a margin
+    [m] around each, less the excess of interpolation, since next to large solids lattices are coarse for a small disc.
     """
     solids = Solids.of(obstacles)
+    low = solids.low[:, :2]
+    high = solids.high[:, :2]
 
     K = len(obstacles)
     tables = np.flatnonzero(solids.form < 0)
-    fine = TUNING.table_pitch * footprint.radius
+    fine = TUNING.table_pitch * radius
 
-    margin = cutoff + footprint.radius + 2.0 * fine
-    area = float(np.prod(solids.high[tables] - solids.low[tables] + 2.0 * margin, axis=1).sum())
+    area = float(np.prod(high[tables] - low[tables] + 2.0 * (margin + 2.0 * fine), axis=1).sum())
     pitch = max(fine, math.sqrt(area / TUNING.table_points))
 
     first = np.zeros(K, dtype=np.int64)
@@ -150,10 +157,11 @@ def _shapes(
     parts: list[Array] = [np.zeros(0)]
     plane = np.full(2, 1e3)  # beyond any solid [m]
     for k in tables:
-        corner[k] = solids.low[k] - cutoff - footprint.radius - pitch
-        shape[k] = np.ceil((solids.high[k] + cutoff + footprint.radius - corner[k]) / pitch).astype(int) + 2
+        corner[k] = low[k] - margin - pitch
+        shape[k] = np.ceil((high[k] + margin - corner[k]) / pitch).astype(int) + 2
         first[k] = sum(map(len, parts))
-        distance = Collision(Workspace(-plane, plane, (obstacles[k],)), footprint).distance(
+        disc = Footprint.disc(radius, height=height)
+        distance = Collision(Workspace(-plane, plane, (obstacles[k],)), disc).distance(
             corner[k] + pitch * np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
         )
         parts.append(distance if pitch == fine else np.maximum(distance - _excess(distance, pitch), 0.0))

@@ -35,7 +35,7 @@ def optimiser(kind: KernelSpec) -> Any:
     noisy_position = kind.noisy_position
     moving = kind.moving is not None
 
-    watch, _, _, _, sweep_among, _, _ = kind.moving or NOTHING_MOVES
+    watch, _, _, _, sweep_among, *_ = kind.moving or NOTHING_MOVES
     pose, sweep, (px, py) = pose_at(kind.reads), kind.space.sweep, kind.position
     *_, key_of_step, _, watch_class, begin_class, follow_class = kind.classes or NO_CLASSES
 
@@ -54,9 +54,8 @@ def optimiser(kind: KernelSpec) -> Any:
                 velocity(setup, states[i + 1], f[1])
                 turn = turn_of(f[0, px], f[0, py], f[1, px], f[1, py], there[0] - here[0], there[1] - here[1], dt)
             outcome, _, _ = sweep(setup.world, here, there, turn, 0.0)
-            way = (here[0], here[1], there[0], there[1], turn)
             if outcome == COLLISION or (
-                moving and sweep_among(setup.world.moving, notes, way, times[i], dt, 1.0) <= 1.0
+                moving and sweep_among(setup.world.moving, notes, (here, there, turn), times[i], dt, 1.0) <= 1.0
             ):
                 return False
         return True

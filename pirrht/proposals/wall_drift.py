@@ -143,7 +143,7 @@ class WallDrift:
         found: tuple[Any, ...] = kept_off(self.static.kernels)(self.static, pose, closest, self.slack, self.behind)
         if self.moving.J == 0:
             return found
-        rows = self.moving.walls(pose[0], pose[1], self.time + s, TUNING.drift_near * self.offset)
+        rows = self.moving.walls(pose, self.time + s, TUNING.drift_near * self.offset)
         return tuple(merging(len(pose))(found, rows, len(rows), closest))
 
     def pose(self, x: Array) -> tuple[float, ...]:

@@ -43,13 +43,13 @@ def clearance_costs(space: SpaceKernels, numbers: int, moving: MovingKernels | N
     """
     among = moving is not None
     watch, _, moving_walls, *_ = moving or NOTHING_MOVES
-    clearance, static_walls, most, turns = space.clearance, space.near, space.near_most, numbers > space.position
-    combined, extent, wide = vectors.combined(numbers), space.extent, max(WALL, 1 + numbers)
+    clearance, static_walls, most = space.clearance, space.near, space.near_most
+    combined, extent = vectors.combined(numbers), space.extent
 
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
         """Allocate the walls at one place, and notes on moving obstacles."""
-        return np.empty((most + setup.world.moving.J, wide)), watch(setup.world.moving)
+        return np.empty((most + setup.world.moving.J, WALL)), watch(setup.world.moving)
 
     @borrowing
     def walls_at(setup, task, step, t, space):  # type: ignore[no-untyped-def]
@@ -60,10 +60,7 @@ def clearance_costs(space: SpaceKernels, numbers: int, moving: MovingKernels | N
         count = static_walls(setup.world.static, at, task.margin, walls)
         if among:
             rows = walls[count:]
-            more = moving_walls(setup.world.moving, notes, at[0], at[1], begin + t * dt, task.margin, rows)[0]
-            for k in range(more if turns else 0):
-                rows[k, 3] = 0.0  # no heading brings it nearer
-            count += more
+            count += moving_walls(setup.world.moving, notes, at, begin + t * dt, task.margin, rows)[0]
         return count, w
 
     @borrowing
@@ -143,7 +140,7 @@ def drift_along(space: SpaceKernels, moving: MovingKernels) -> Any:
 
         for i in range(k):
             x, y = places[i]
-            count, _ = near(setup.world.moving, notes, x, y, times[i], within, rows)
+            count, _ = near(setup.world.moving, notes, (x, y), times[i], within, rows)
             c, n, d, m = with_walls(two_walls(setup.world.static, (x, y)), rows, count, 0.0)
             for gap, (wx, wy) in ((c, n), (d, m)):
                 least = max(float(gap), TUNING.drift_gap * offset)

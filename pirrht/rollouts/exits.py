@@ -6,10 +6,11 @@ from typing import Any
 
 from pirrht.geometry.space import COLLISION, GOAL, INSIDE, pose_at
 from pirrht.geometry.world import NOTHING_MOVES
+from pirrht.jit import vectors
 from pirrht.jit.jit import part
 from pirrht.jit.streams import FAR, normals
 from pirrht.rollouts.first_exit import at_crossing
-from pirrht.rollouts.step import Clear, KernelSpec, in_plane, pose_noise
+from pirrht.rollouts.step import Clear, KernelSpec, in_plane, of_pose, pose_noise
 
 
 @cache
@@ -34,7 +35,7 @@ def ended_for(kind: KernelSpec) -> Any:
         dy = scratch.moved[1] - x[1] - f[1] * dt
 
         if moving and moving_wall:  # at its distance then
-            gap, ux, uy, vx, vy = scratch.walls[0]
+            gap, ux, uy, _, vx, vy = scratch.walls[0]
             met = max(gap, 0.0) - share * dt * ((vx - f[0]) * ux + (vy - f[1]) * uy), -ux, -uy
         else:
             met = towards_exit(arena, pose(x), exit)
@@ -94,12 +95,12 @@ def exits(kind: KernelSpec) -> Any:
     """
     noisy_position, moving, along_line = kind.noisy_position, kind.moving is not None, kind.along_line
     ended = ended_for(kind)
-    _, _, _, bridge_among, sweep_among, clearance_among, _ = kind.moving or NOTHING_MOVES
+    _, _, walls_among, bridge_among, sweep_among, clearance_among, *_ = kind.moving or NOTHING_MOVES
     space = kind.space
     swings, spread = space.turns and not noisy_position, space.spread
     bridge, sweep, end, distances = space.bridge, space.sweep, space.end, space.distances
-    clearance = space.clearance
-    pose, flat, scaled = pose_at(kind.reads), in_plane(len(kind.reads)), pose_noise(kind).scaled
+    clearance, extent, combined = space.clearance, space.extent, vectors.combined(len(kind.reads))
+    pose, whole, scaled = pose_at(kind.reads), of_pose(len(kind.reads)), pose_noise(kind).scaled
 
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]
@@ -117,10 +118,9 @@ def exits(kind: KernelSpec) -> Any:
 
         state, exit, share, missed = bridge(arena, here, there, before, after, cov, tables.weighed, state, along_line)
         if moving:
-            way = (here[0], here[1], there[0], there[1])
-            rule = (along_line, tables.weighed)
+            rule = (spread(arena.static, cov, along_line), tables.weighed)
             state, hit, alive = bridge_among(
-                setup.world.moving, scratch.watch, way, now, dt, flat(cov), rule, state, scratch.walls
+                setup.world.moving, scratch.watch, (here, there), now, dt, whole(cov), rule, state, scratch.walls
             )
             if hit <= 1.0 and (exit == INSIDE or hit < share):
                 exit, share, wall = COLLISION, hit, True
@@ -142,9 +142,7 @@ def exits(kind: KernelSpec) -> Any:
         if not arrived:
             exit, share, room = sweep(setup.world, here, there, turn, room)
         if moving:
-            hit = sweep_among(
-                setup.world.moving, scratch.watch, (here[0], here[1], there[0], there[1], turn), now, dt, share
-            )
+            hit = sweep_among(setup.world.moving, scratch.watch, (here, there, turn), now, dt, share)
             if hit <= share:
                 exit, share = COLLISION, hit
         return exit, share, Clear(before, room, False)
@@ -173,13 +171,31 @@ def exits(kind: KernelSpec) -> Any:
         return state, exit, share, missed, ahead
 
     @part
+    def on_swing_among(setup, tables, scratch, step, rates, state):  # type: ignore[no-untyped-def]
+        """Judge such a step among moving obstacles: exit, share, log probability that none was met."""
+        (dt, now), world = step, setup.world
+        here = pose(scratch.x)
+        there = pose(scratch.moved)
+        cov = scaled(rates, dt)
+        most = spread(world.static, cov, False)
+        change = combined(1.0, there, -1.0, here)
+        within = math.sqrt(FAR * most) + extent(world.static, change) + world.moving.speed * dt
+        if walls_among(world.moving, scratch.watch, here, now, within, scratch.walls)[0] == 0:
+            return state, INSIDE, 1.0, 0.0
+        rule = (most, tables.weighed)
+        state, hit, alive = bridge_among(
+            world.moving, scratch.watch, (here, there), now, dt, whole(cov), rule, state, scratch.walls
+        )
+        return (state, COLLISION, hit, 0.0) if hit <= 1.0 else (state, INSIDE, 1.0, alive)
+
+    @part
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]
         dt, now = step
         until = 0.0 if move.arrived else dt
         if not setup.bridge:
             there = pose(scratch.moved)
             exit = end(setup.world, there)
-            if moving and clearance_among(setup.world.moving, there[0], there[1], now + dt) <= 0.0:
+            if moving and clearance_among(setup.world.moving, there, now + dt) <= 0.0:
                 exit = COLLISION
             return state, exit, 1.0, until, 0.0, Clear(distances(setup.world, there), clear.least, True)
         if noisy_position:
@@ -188,6 +204,9 @@ def exits(kind: KernelSpec) -> Any:
         missed = 0.0
         if swings and exit == INSIDE:
             state, exit, share, missed, after = on_swing(setup, tables, scratch, dt, move.rates, clear, after, state)
+        if moving and swings and exit == INSIDE:
+            state, exit, share, alive = on_swing_among(setup, tables, scratch, step, move.rates, state)
+            missed += alive
         return state, exit, share, until, missed, after
 
     return judge

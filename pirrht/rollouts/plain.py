@@ -31,7 +31,7 @@ from pirrht.problem import Problem
 from pirrht.rollouts import tables as tubes
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.first_exit import at_crossing, slope_for, turn_of
-from pirrht.rollouts.step import SWAY, KernelSpec, gap_among
+from pirrht.rollouts.step import SWAY, KernelSpec, gap_among, of_pose
 from pirrht.rollouts.tables import FINER, LawRows, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import Dynamics
@@ -87,6 +87,7 @@ class Path:
         self.world, self.space, self.begun = setup.world, kind.space, origin.time
         self.moving: Any = kind.moving
         self.reads = list(kind.reads)
+        self.whole = of_pose(len(self.reads))
         H, _, m = tables.control.shape
         self.h = int(np.searchsorted(tables.first, sample, side="right")) - 1
         first, self.sign = antithetic(sample, tables.first[self.h], tables.mirrored)
@@ -170,7 +171,7 @@ class Path:
         count = 0
         if self.moving:
             within = max(3.0 * math.sqrt(spread), TUNING.push_cutoff * self.tables.wall_offset)
-            count, until = self.moving.walls(self.world.moving, self.watch, *here[:2], clock, within, self.near)
+            count, until = self.moving.walls(self.world.moving, self.watch, here, clock, within, self.near)
             self.dt = self.until = min(left, max(until - clock, TUNING.least_change))
         self.expose(here, count)
         xx, _, yy = self.in_plane(self.dt)
@@ -204,10 +205,10 @@ class Path:
         gap, border, self.to_goal, *_ = distances = self.space.distances(self.world, here)
         if self.kind.along_line:
             gap = self.space.facing(self.world.static, here, distances, rates)
-        gap = max(min(gap, border, gap_among(self.near, count, self.in_plane(1.0), self.kind.along_line)), 0.0)
+        most = self.space.spread(self.world.static, rates, self.kind.along_line)
+        gap = max(min(gap, border, gap_among(self.near, count, self.whole(rates), most, self.kind.along_line)), 0.0)
         if self.last > 0.0:
-            deviation = math.sqrt(self.space.spread(self.world.static, rates, self.kind.along_line))
-            self.exposure += exposure(*map(np.float32, (self.gap, gap, deviation, self.last)))
+            self.exposure += exposure(*map(np.float32, (self.gap, gap, math.sqrt(most), self.last)))
         self.gap, self.last = gap, self.dt
 
     def aim(self, g: int, i: int, share: float) -> None:
@@ -300,25 +301,28 @@ class Path:
     def judge(self, here: Pose, there: Pose, share: float, turn: float, clock: float) -> float:
         """Set the outcome of the step, and return its share until then."""
         moving = self.moving
-        way = (*here[:2], *there[:2])
         if not self.setup.bridge:
-            inside = not moving or moving.clearance(self.world.moving, *way[2:], clock + self.dt) > 0.0
+            inside = not moving or moving.clearance(self.world.moving, there, clock + self.dt) > 0.0
             self.outcome = self.space.end(self.world, there) if inside else COLLISION
             return 1.0
         if self.kind.noisy_position:
             wall, share = False, self.on_bridge(here, there, self.kind.along_line)
             if moving:
-                wall, share = self.on_bridge_among(way, share, clock)
+                wall, share = self.on_bridge_among((here, there), share, clock, self.kind.along_line)
             if self.outcome != INSIDE:
                 self.end(here, share, wall)
             return share
         if self.outcome == INSIDE:
             self.outcome, share, _ = self.space.sweep(self.world, here, there, turn, 0.0)
-        hit = moving.sweep(self.world.moving, self.watch, (*way, turn), clock, self.dt, share) if moving else math.inf
+        step = here, there, turn
+        hit = moving.sweep(self.world.moving, self.watch, step, clock, self.dt, share) if moving else math.inf
         if hit <= share:
             self.outcome, share = COLLISION, hit
         if self.space.turns and self.outcome == INSIDE:  # noise turns the footprint on its way
             share = self.on_bridge(here, there, False)
+            if moving and self.outcome == INSIDE:
+                moving.begin(self.watch)
+                _, share = self.on_bridge_among((here, there), share, clock, False)
         return float(share)
 
     def on_bridge(self, here: Pose, there: Pose, line: bool) -> float:
@@ -331,10 +335,13 @@ class Path:
         self.log_survival += missed
         return float(share)
 
-    def on_bridge_among(self, way: Pose, share: float, clock: float) -> tuple[bool, float]:
+    def on_bridge_among(
+        self, way: tuple[Pose, Pose], share: float, clock: float, line: bool
+    ) -> tuple[bool, float]:  # fmt: skip
         """Judge it among moving obstacles too; return whether one of these is met, and the share."""
-        rule = (self.kind.along_line, self.tables.weighed)
-        step = way, clock, self.dt, self.in_plane(self.dt), rule, np.uint64(self.random)
+        cov = self.covariance(self.dt)
+        rule = (self.space.spread(self.world.static, cov, line), self.tables.weighed)
+        step = way, clock, self.dt, self.whole(cov), rule, np.uint64(self.random)
         self.random, hit, missed = self.moving.bridge(self.world.moving, self.watch, *step, self.near)
         if hit <= 1.0 and (self.outcome == INSIDE or hit < share):
             self.outcome = COLLISION
@@ -352,7 +359,7 @@ class Path:
         if self.kind.traits.point and xy == 0.0 and xx == yy:
             met = self.space.exit(self.world, here, self.outcome)
             if wall:
-                gap, n, v = self.near[0, 0], self.near[0, 1:3], self.near[0, 3:]
+                gap, n, v = self.near[0, 0], self.near[0, 1:3], self.near[0, 4:]
                 met = (max(gap, 0.0) - share * self.dt * float((v - self.f) @ n), *(-n).tolist())
             radius = self.world.radius if self.outcome == GOAL else 0.0
             beyond = tuple((self.moved - self.x - drift).tolist())

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pirrht.geometry.polygon import variance_along
 from pirrht.geometry.space import GOAL, SpaceKernels, pose_at
 from pirrht.geometry.world import NOTHING_MOVES, MovingKernels, merging
 from pirrht.jit import vectors
@@ -145,7 +146,7 @@ def gap_for(kind: KernelSpec) -> Any:
     """
     along_line = kind.along_line
     facing, spread = kind.space.facing, kind.space.spread
-    pose, flat = pose_at(kind.reads), in_plane(len(kind.reads))
+    pose, whole = pose_at(kind.reads), of_pose(len(kind.reads))
 
     @part
     def gap_of(scratch, static, before, rates, close):  # type: ignore[no-untyped-def]
@@ -153,21 +154,19 @@ def gap_for(kind: KernelSpec) -> Any:
         if along_line:
             gap = facing(static, pose(scratch.x), before, rates)
         gap = min(gap, border)
-        gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
-        return max(gap, 0.0), math.sqrt(spread(static, rates, along_line))
+        most = spread(static, rates, along_line)
+        gap = min(gap, gap_among(scratch.walls, close, whole(rates), most, along_line))
+        return max(gap, 0.0), math.sqrt(most)
 
     return gap_of
 
 
 @part
-def gap_among(walls, count, cov, along_line):  # type: ignore[no-untyped-def]
+def gap_among(walls, count, cov, most, along_line):  # type: ignore[no-untyped-def]
     """Return the least clearance of moving walls [m], along a line over the share of noise they face (`facing`)."""
     nearest = np.inf
     for k in range(count):
-        nx, ny = walls[k, 1], walls[k, 2]
-        share = (
-            (cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny) / (cov[0] + cov[2]) if along_line else 1.0
-        )
+        share = variance_along((walls[k, 1], walls[k, 2], walls[k, 3]), cov) / most if along_line else 1.0
         nearest = min(nearest, walls[k, 0] / math.sqrt(max(share, SIDEWAYS)))
     return nearest
 
@@ -177,18 +176,19 @@ def length_for(kind: KernelSpec) -> Any:
     """Build the kernel that fits a step to the clearance, and writes moving walls near it: (dt, how many)."""
     moving, along_line, near = kind.moving is not None, kind.along_line, (kind.moving or NOTHING_MOVES).walls
     facing, spread = kind.space.facing, kind.space.spread
-    pose, flat = pose_at(kind.reads), in_plane(len(kind.reads))
+    pose, of_rates = pose_at(kind.reads), of_pose(len(kind.reads))
 
     @part
     def narrowest(tables, scratch, arena, rates, before, left, close):  # type: ignore[no-untyped-def]
         """Return the distance that the step is fitted to, and what fitting scales its square by."""
-        scale = 1.0 / (9.0 * spread(arena.static, rates, along_line))
+        most = spread(arena.static, rates, along_line)
+        scale = 1.0 / (9.0 * most)
         gap, border, to_rim = before[:3]
 
         if along_line and gap > 0.0 and scale * gap * gap < left:
             gap = facing(arena.static, pose(scratch.x), before, rates)
         if moving:
-            gap = min(gap, gap_among(scratch.walls, close, flat(rates), along_line))
+            gap = min(gap, gap_among(scratch.walls, close, of_rates(rates), most, along_line))
         return max(min(min(gap, border), max(to_rim, TUNING.rim * arena.radius)), 0.0), scale
 
     @part
@@ -201,7 +201,7 @@ def length_for(kind: KernelSpec) -> Any:
             here = pose(scratch.x)
             reach = 3.0 * math.sqrt(spread(setup.world.static, rates, False) * left)
             within = max(reach, TUNING.push_cutoff * tables.wall_offset)
-            close, until = near(setup.world.moving, scratch.watch, here[0], here[1], now, within, scratch.walls)
+            close, until = near(setup.world.moving, scratch.watch, here, now, within, scratch.walls)
         if tables.least < left:
             narrow, scale = narrowest(tables, scratch, setup.world, rates, before, left, close)
             dt = fitting(narrow, left, tables.least, scale)
@@ -220,6 +220,12 @@ def length_for(kind: KernelSpec) -> Any:
 def in_plane(width: int) -> Any:
     """Build the kernel that takes (xx, xy, yy) of the covariance of a pose of two or three numbers."""
     return part(lambda cov: cov) if width == 2 else part(lambda cov: (cov[0], cov[1], cov[3]))
+
+
+@cache
+def of_pose(width: int) -> Any:
+    """Build the kernel that takes the covariance (xx, xy, xt, yy, yt, tt) of that of a pose of two or three numbers."""
+    return part(lambda cov: cov) if width == 3 else part(lambda cov: (cov[0], cov[1], 0.0, cov[2], 0.0, 0.0))
 
 
 class PoseNoise(NamedTuple):

@@ -2,10 +2,12 @@
 
 Vertices are x, y [m] and t [s] on a tree's clock, joined by legs: straight lines at a constant speed, forward in time,
 that cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and the best speed there is sqrt(2 q / r).
+A robot that is no disc has vertices with a heading, too.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,11 +20,12 @@ from pirrht.jit.jit import inlined
 from pirrht.problem import Problem
 from pirrht.steering import relaxation
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.legs import LEGS, connect, cost_and_duration
+from pirrht.steering.legs import LEGS, connect, connect_turning, cost_and_duration, turned_legs, turning_cost
 from pirrht.steering.motion import Legs
 from pirrht.steering.steering import CompiledSteering
-from pirrht.steering.straight_line import Tracked
+from pirrht.steering.straight_line import Tracked, velocity_at
 from pirrht.steering.tuning import TUNING
+from pirrht.steering.turn_and_go import alignment, arrivals
 from pirrht.systems.dynamics import check_positive
 from pirrht.topology.signature import Signature
 
@@ -39,6 +42,7 @@ class InTime(CompiledSteering):
     speed: float = 0.0  # limit of speeds [m/s]; 0: five times the best one
     m: int = 0  # controls of a system that only tracks these legs; 0: the point's own velocity
     slack: float = 0.0  # time that such a system may take to get under way [s]
+    read: tuple[int, ...] = ()  # index of the state of such a system that is its heading, where that counts
 
     n = 3
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
@@ -64,7 +68,13 @@ class InTime(CompiledSteering):
             return cls(q=problem.least_rate, r=float(R[0, 0]), speed=speed)
         lines = Tracked.of(problem, pace)
         q = 0.5 * lines.cost_per_meter * lines.pace
-        return cls(q=q, r=2.0 * q / lines.pace**2, speed=speed, m=d.m, slack=lines.slack)
+        known: dict[str, Any] = {"q": q, "r": 2.0 * q / lines.pace**2, "speed": speed, "m": d.m, "slack": lines.slack}
+        if problem.scene.footprint.is_disc:
+            return cls(**known)
+        return TurnInTime(
+            **known, cost_per_radian=lines.cost_per_meter * problem.scene.footprint.reach,
+            reverses=velocity_at(problem, -1.0) < 0.0, read=d.angles[:1],
+        )  # fmt: skip
 
     drives = property(
         lambda self: self.m == 0, doc="Whether the legs are a point's own, with velocities that drive it."
@@ -100,14 +110,15 @@ class InTime(CompiledSteering):
         return space.homology.with_speed(self.pace)
 
     def at(self, x: Array, time: float) -> Array:
-        """Place and time (3,) [m, m, s] of a system's state x (n,) at a time [s]."""
-        return np.array([x[0], x[1], time])
+        """Place and time [m, m, s], and heading [rad] where that counts, of a system's state x (n,) at a time [s]."""
+        return np.array([x[0], x[1], time, *x[list(self.read)]])
 
     def vertex_of(self, x: Array) -> Array:
-        """Place and time, (..., 3) [m, m, s], of states that begin with them; OptionError if a state has no time."""
+        """Place, time [m, m, s] and any heading [rad] of states that begin with them; OptionError if there are none."""
         if np.shape(x)[-1] < self.n:
-            raise OptionError(f"a state among moving obstacles is x, y and t; this one has {np.shape(x)[-1]} numbers")
-        return np.ascontiguousarray(x[..., :3], dtype=float)
+            what = "x, y and t" if self.n == 3 else "x, y, t and a heading"
+            raise OptionError(f"a state among moving obstacles is {what}; this one has {np.shape(x)[-1]} numbers")
+        return np.ascontiguousarray(x[..., : self.n], dtype=float)
 
     def roots(self, goal: Array) -> Array:
         """The goal point (2,) [m] at any time, (1, 3)."""
@@ -149,7 +160,11 @@ class InTime(CompiledSteering):
         angle = 2.0 * np.pi * chances[:, 7:8]
         disc = scene.goal.radius * np.sqrt(chances[:, 8:9]) * np.hstack([np.cos(angle), np.sin(angle)])
         out[inside, :2] = scene.goal.center + disc[inside]
-        return out
+        return self.headed(out, space, rng)
+
+    def headed(self, states: Array, space: FreeSpace, rng: np.random.Generator) -> Array:
+        """Complete states (k, 3) [m, m, s] by what else a vertex has; here nothing."""
+        return states
 
     def _through(self, places: Array, begun: Array, scene: Scene) -> Array:
         """Cost at least of a path from (3,) through places at times (..., 3) [m, m, s] to the goal point, (...,)."""
@@ -177,11 +192,55 @@ class InTime(CompiledSteering):
             np.linalg.norm(middles - begun[:2], axis=-1) + radius * along[:, None], self.pace * paces
         )
         states = np.concatenate([np.repeat(places[..., None, :], len(paces), axis=-2), times[..., None]], axis=-1)
-        states = states.reshape(-1, 3)
+        states = self.headed(states.reshape(-1, 3), space, np.random.default_rng(0))
         cost = self._through(states, begun, space.scene)
         most = TUNING.passage_cost * self.cost_per_meter * math.dist(space.scene.goal.center, begun[:2])
-        free = [cost[i] <= most and space.moving.clearance(*state) > 0.0 for i, state in enumerate(states.tolist())]
+        free = [
+            cost[i] <= most and space.moving.clearance((x, y, *heading), t) > 0.0
+            for i, (x, y, t, *heading) in enumerate(states.tolist())
+        ]
         return states[np.flatnonzero(free)[np.argsort(cost[free], kind="stable")][: TUNING.passage_states]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TurnInTime(InTime):
+    """Legs in space and time with turns on the spot at their ends, for a robot that is no disc: x, y, t, heading."""
+
+    cost_per_radian: float  # [cost/rad]
+    reverses: bool  # whether the system can drive backwards
+
+    n = 4
+    heading = 3
+    cost = turning_cost
+    optimum = connect_turning
+    shorten = CompiledSteering.shorten
+    resume = CompiledSteering.resume
+    motion = property(lambda self: turned_legs(self.reverses), doc="Kind of its motions.")
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return those of legs, the cost per radian, and 1 if it reverses."""
+        return *super(TurnInTime, self).numbers, self.cost_per_radian, float(self.reverses)
+
+    def roots(self, goal: Array) -> Array:
+        """Spread headings at the goal point (2,) [m] at any time, (k, 4)."""
+        headings = arrivals(self.reverses)
+        return np.column_stack([np.tile([*goal, np.nan], (len(headings), 1)), headings])
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """A place, a time and a heading (4,) [m, m, s, rad], uniform in the workspace and the horizon."""
+        return np.append(super(TurnInTime, self).sample(scene, rng), rng.uniform(-np.pi, np.pi))
+
+    def headed(self, states: Array, space: FreeSpace, rng: np.random.Generator) -> Array:
+        """Head states (k, 3) [m, m, s] anywhere or to the goal, (k, 4), where not all is free as most is: half each."""
+        to_goal = (space.scene.goal.center - states[:, :2]).T
+        goes, aligned = rng.random((2, len(states))) < TUNING.aligned_share
+        headings = np.where(goes, np.arctan2(to_goal[1], to_goal[0]), rng.uniform(-np.pi, np.pi, len(states)))
+        poses = np.column_stack([states[:, :2], headings])
+        align = alignment(space.static.kernels.clearance, space.static.kernels.place)
+        align(space.static, turned := poses[aligned], TUNING.aligned_headings)
+        poses[aligned] = turned
+        return np.column_stack([states, poses[:, 2]])
 
 
 def _origin(scene: Scene, origin: Array | None) -> Array:

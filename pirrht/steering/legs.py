@@ -1,15 +1,19 @@
-"""Legs: straight lines in space and time at a constant speed, and what is free, crossed and paid along them."""
+"""Legs: straight lines in space and time at a constant speed, and what is free, crossed and paid along them.
+
+A robot that is no disc is headed along a leg, or backwards along it; at its ends it turns on the spot, in no time.
+"""
 
 import math
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.arcs import backwards, entry_of_piece, turns_of, wrapped
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
-from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
+from pirrht.geometry.world import NOTHING_MOVES, Moving, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.steering.motion import Legs, MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.topology.signature import SignatureKernels
@@ -37,7 +41,7 @@ def free_leg(space: SpaceKernels, moving: MovingKernels | None) -> Any:
     @kernel
     def judged(around, leg):  # type: ignore[no-untyped-def]
         static = certify_piece(around.static, (leg[0], leg[1]), (leg[3], leg[4]), True)
-        return min(static, certify(around.traffic, leg)) if among and static != BLOCKED else static
+        return min(static, certify(around.traffic, leg, 0.0)) if among and static != BLOCKED else static
 
     return judged
 
@@ -113,6 +117,106 @@ def _kernels(around: Surroundings) -> MotionKernels:
 LEGS = MotionKind(_kernels, _free, _trajectory)
 
 
+@cache
+def free_turning(space: SpaceKernels, moving: MovingKernels | None) -> Any:
+    """Build the kernel (around, leg, headings, back, patient) that judges a leg with turns on the spot at its ends.
+
+    A leg is (ax, ay, s, bx, by, t) [m, s]; the headings are those before, along it and after [rad].
+    """
+    certify_piece, certify_turn = space.certify_piece, space.certify_turn
+    among, (certify_leg, turn_among) = moving is not None, (moving or NOTHING_MOVES)[-2:]
+
+    @kernel
+    def turn_judged(around, pose, angle, t, patient):  # type: ignore[no-untyped-def]
+        verdict = certify_turn(around.static, pose, angle, patient)
+        return min(verdict, turn_among(around.traffic, pose, angle, t)) if among and verdict != BLOCKED else verdict
+
+    @kernel
+    def judged(around, leg, headings, back, patient):  # type: ignore[no-untyped-def]
+        (ax, ay, s, bx, by, t), (before, way, after), verdict = leg, headings, FREE
+        if ax != bx or ay != by:
+            tail, head = ((bx, by), (ax, ay)) if back else ((ax, ay), (bx, by))
+            verdict = certify_piece(around.static, tail, head, patient)
+        if among and verdict != BLOCKED:
+            verdict = min(verdict, certify_leg(around.traffic, leg, way))
+        for begins in (True, False):
+            if verdict == FREE or (patient and verdict != BLOCKED):
+                pose, angle, now = ((ax, ay, before), way - before, s) if begins else ((bx, by, way), after - way, t)
+                verdict = min(verdict, turn_judged(around, pose, wrapped(angle), now, patient))
+        return verdict
+
+    return judged
+
+
+def is_free_turning(
+    collision: Any, moving: Moving, leg: tuple[float, ...], headings: tuple[float, ...], back: bool
+) -> bool:  # fmt: skip
+    """Judge such a leg exactly."""
+    (ax, ay, s, bx, by, t), (before, way, after) = leg, headings
+    first = wrapped(way - before)
+    last = wrapped(after - way)
+    a, b = np.array([ax, ay]), np.array([bx, by])
+    poses = [np.append(a, way - first), np.append(a, way), np.append(b, way), np.append(b, way + last)]
+    tail, head = (b, a) if back else (a, b)
+    return bool(
+        (np.array_equal(a, b) or collision.segments_free(tail[None], head[None])[0])
+        and collision.turn_free(poses[0], first)
+        and collision.turn_free(poses[2], last)
+        and not any(moving.meets(poses[k], (s, s, t)[k], poses[k + 1], (s, t, t)[k]) for k in range(3))
+    )
+
+
+@cache
+def turned_legs(reverses: bool) -> MotionKind:
+    """Return the kind of legs between places, times and headings, of robots that reverse or do not."""
+
+    @inlined
+    def headings_of(motions, i):  # type: ignore[no-untyped-def]
+        """Return the headings before, along and after a leg [rad], and whether it is driven backwards."""
+        ax, ay, _, bx, by, _ = _ends(motions, i)
+        before = motions.tails[i, 3]
+        after = motions.heads[i, 3]
+        way, back = before, False
+        if ax != bx or ay != by:
+            way = math.atan2(by - ay, bx - ax)
+            back = backwards(way, before, after, reverses)
+            way = wrapped(way + math.pi) if back else way
+        return (before, way, after), back
+
+    @inlined
+    def cut(motions, i, share):  # type: ignore[no-untyped-def]
+        """End a leg after a share of it, as it is headed there: it has arrived."""
+        motions.heads[i, 3] = headings_of(motions, i)[0][1]
+        _cut(motions, i, share)
+
+    @kernel
+    def between(motions, i, share, out):  # type: ignore[no-untyped-def]
+        for k in range(3):
+            out[k] = motions.path[i, k] + share * (motions.path[i, 3 + k] - motions.path[i, k])
+        out[3] = headings_of(motions, i)[0][1]
+        return share >= 0.0  # numba hands no literal to Python
+
+    @cache
+    def certify_for(space: SpaceKernels, moving: MovingKernels | None) -> Any:
+        judged = free_turning(space, moving)
+        return inlined(
+            lambda motions, i, around, patient: judged(around, _ends(motions, i), *headings_of(motions, i), patient)
+        )
+
+    def kernels(around: Surroundings) -> MotionKernels:
+        certify = certify_for(around.static.kernels, around.traffic.kernels)
+        return MotionKernels(_entry, cut, certify, _pairs_of(around.classes.kernels), _most, between)
+
+    def free(motions: Legs, i: int, space: FreeSpace) -> bool:
+        leg = tuple(motions.path[i].tolist())
+        return is_free_turning(space.collision, space.moving, leg, *headings_of(motions, i))
+
+    def trajectory(steering: Any, path: Legs) -> Trajectory:
+        return replace(_trajectory(steering, path), between=between, reads=(0, 1, 3))
+
+    return MotionKind(kernels, free, trajectory)
+
+
 @inlined
 def cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
     """Cost and duration of a leg; the time of its end may be open."""
@@ -143,3 +247,28 @@ def connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
         if math.isnan(heads[i, 2]):
             path[i, 5] = tails[i, 2] + dt
     return Legs(path, cost, tails, heads)
+
+
+@inlined
+def turning_cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
+    """Return the cost of a leg with the turns at its ends; more numbers are the cost per radian, and `reverses`."""
+    cost, _ = cost_and_duration(tail, head, numbers[:4])
+    if not cost < limit:
+        return np.inf
+    before, after = tail[3], head[3]
+    if tail[0] == head[0] and tail[1] == head[1]:
+        return cost + numbers[4] * abs(wrapped(after - before))
+    way = math.atan2(head[1] - tail[1], head[0] - tail[0])
+    turn = turns_of(way, before, after)
+    if numbers[5] > 0.0:
+        turn = min(turn, turns_of(way + math.pi, before, after))
+    return cost + numbers[4] * turn
+
+
+@kernel
+def connect_turning(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """Connect each pair of places, times and headings by one leg; the numbers are those of `turning_cost`."""
+    legs = connect(tails, heads, numbers[:4])
+    for i in range(tails.shape[0]):
+        legs.cost[i] = turning_cost(as_tuple(tails[i], 4), as_tuple(heads[i], 4), numbers, np.inf)
+    return Legs(legs.path, legs.cost, tails, heads.copy())

@@ -187,13 +187,13 @@ def model(space: SpaceKernels, moving: MovingKernels | None) -> Any:
         """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL); how many."""
         static, count = around.static, 0
         if among:
-            count, _ = moving_walls(around.traffic, notes, x, y, t, margin, walls)
+            count, _ = moving_walls(around.traffic, notes, (x, y), t, margin, walls)
         c = clearance(static, (x, y))
         if c < margin:
             h = 0.5 * static.spacing
             nx = (clearance(static, (x + h, y)) - clearance(static, (x - h, y))) / (2.0 * h)
             ny = (clearance(static, (x, y + h)) - clearance(static, (x, y - h))) / (2.0 * h)
-            walls[count] = (c, nx, ny, 0.0, 0.0)
+            walls[count] = (c, nx, ny, 0.0, 0.0, 0.0)
             count += 1
         return count
 
@@ -243,7 +243,7 @@ def model(space: SpaceKernels, moving: MovingKernels | None) -> Any:
                     nx, ny = walls[k, 1], walls[k, 2]
                     total += 0.5 * weight * lacking * lacking
                     if filled:
-                        later = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
+                        later = (nx * walls[k, 4] + ny * walls[k, 5]) * (t - knots[0, 2]) / whole
                         own = share - 1.0
                         _add(model, i, lacking, weight, own * nx, own * ny, -share * nx, -share * ny, later)
         gx = knots[last, 0] - around.goal_x

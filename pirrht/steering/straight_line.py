@@ -184,6 +184,6 @@ def velocity_at(problem: Problem, speed: float) -> float:
     x = _moving(problem, speed)
     start = d.state_of(problem.scene.start)
     if x is None:
-        return speed if d.place(d.whole(d.G_c(start))).any() else float(np.hypot(*d.place(d.f(start))))
+        return speed if d.whole(d.G_c(start))[list(d.position)].any() else float(np.hypot(*d.place(d.f(start))))
     heading = x[d.angles[0]]
     return float(d.place(d.f(x)) @ np.array([math.cos(heading), math.sin(heading)]))

@@ -16,12 +16,14 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves
+from pirrht.geometry.arcs import TWO_PI, Curves, backwards, turns_of, wrapped
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
+from pirrht.geometry.space import SpaceKernels
+from pirrht.geometry.world import NoMoving
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
+from pirrht.steering.legs import free_turning, is_free_turning
 from pirrht.steering.motion import ARCS, MotionKernels, MotionKind, Surroundings, Trajectory
 from pirrht.steering.straight_line import Tracked, connect_lines, velocity_at
 from pirrht.steering.tuning import TUNING
@@ -41,24 +43,6 @@ class Turned(NamedTuple):
     def points(self, spacing: float) -> list[Array]:
         """Each line as its ends (2, 2) [m]."""
         return Curves(*self[:6]).points(spacing)
-
-
-@inlined
-def wrapped(angle):  # type: ignore[no-untyped-def]
-    """Return an angle in [-pi, pi)."""
-    return angle - TWO_PI * math.floor((angle + math.pi) / TWO_PI)
-
-
-@inlined
-def turns_of(way, before, after):  # type: ignore[no-untyped-def]
-    """Return the angle that a heading along a line, between two others, takes at its ends [rad]."""
-    return abs(wrapped(way - before)) + abs(wrapped(after - way))
-
-
-@inlined
-def backwards(way, before, after, reverses):  # type: ignore[no-untyped-def]
-    """Return whether driving a line backwards takes less turning."""
-    return bool(reverses) and turns_of(way + math.pi, before, after) < turns_of(way, before, after)
 
 
 @inlined
@@ -103,12 +87,15 @@ def lines_with_turns(reverses: bool) -> MotionKind:
         return wrapped(way + math.pi) if back else way, back
 
     @inlined
-    def end_of(motions, i):  # type: ignore[no-untyped-def]
+    def as_leg(motions, i):  # type: ignore[no-untyped-def]
+        """Return it as `legs.free_turning` takes it, without times."""
         length = motions.length[i, 0]
         x, y = motions.start[i, 0], motions.start[i, 1]
         way = motions.start[i, 2]
+        heading, back = heading_along(motions, i)
+        leg = x, y, 0.0, x + length * math.cos(way), y + length * math.sin(way), 0.0
 
-        return x + length * math.cos(way), y + length * math.sin(way)
+        return leg, (motions.tails[i, 2], heading, motions.heads[i, 2]), back
 
     @part
     def cut(motions, i, s):  # type: ignore[no-untyped-def]
@@ -130,28 +117,8 @@ def lines_with_turns(reverses: bool) -> MotionKind:
 
     @cache
     def certify_for(space: SpaceKernels) -> Any:
-        certify_piece, certify_turn = space.certify_piece, space.certify_turn
-
-        @kernel
-        def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-            static = around.static
-            heading, back = heading_along(motions, i)
-            x, y, _ = motions.start[i]
-            ex, ey = end_of(motions, i)
-            verdict = FREE
-            if motions.length[i, 0] > 0.0:
-                verdict = certify_piece(static, (ex, ey), (x, y), patient) if back else certify_piece(
-                    static, (x, y), (ex, ey), patient
-                )  # fmt: skip
-            if verdict == FREE or (patient and verdict != BLOCKED):
-                turn = wrapped(heading - motions.tails[i, 2])
-                verdict = min(verdict, certify_turn(static, (x, y, motions.tails[i, 2]), turn, patient))
-            if verdict == FREE or (patient and verdict != BLOCKED):
-                turn = wrapped(motions.heads[i, 2] - heading)
-                verdict = min(verdict, certify_turn(static, (ex, ey, heading), turn, patient))
-            return verdict
-
-        return certify
+        judged = free_turning(space, None)
+        return inlined(lambda motions, i, around, patient: judged(around, *as_leg(motions, i), patient))
 
     def kernels(around: Surroundings) -> MotionKernels:
         curves = ARCS.kernels(around)
@@ -160,17 +127,7 @@ def lines_with_turns(reverses: bool) -> MotionKind:
         return MotionKernels(curves.entry, cut, certify, curves.pairs, curves.most, between)
 
     def free(motions: Turned, i: int, space: FreeSpace) -> bool:
-        heading, back = heading_along(motions, i)
-        collision: Any = space.collision
-        tail = motions.start[i, :2]
-        head = np.array(end_of(motions, i))
-        pieces = np.array([head, tail] if back else [tail, head])
-        first = np.append(tail, motions.tails[i, 2])
-        return bool(
-            (motions.length[i, 0] == 0.0 or collision.segments_free(pieces[:1], pieces[1:])[0])
-            and collision.turn_free(first, wrapped(heading - first[2]))
-            and collision.turn_free(np.append(head, heading), wrapped(motions.heads[i, 2] - heading))
-        )
+        return is_free_turning(space.collision, NoMoving(), *as_leg(motions, i))
 
     def trajectory(steering: Any, path: Turned) -> Trajectory:
         return replace(ARCS.trajectory(steering, path), between=between)
@@ -179,7 +136,7 @@ def lines_with_turns(reverses: bool) -> MotionKind:
 
 
 @cache
-def _alignment(clearance: Any, place: Any) -> Any:
+def alignment(clearance: Any, place: Any) -> Any:
     """Build the kernel that turns poses (k, 3), in place, to the heading of most clearance out of some."""
 
     @kernel
@@ -275,7 +232,7 @@ class TurnAndGo(Tracked):
     ) -> Array:  # fmt: skip
         """Draw poses as `Steering.draws`; where not all headings are free, half of them along the way that is."""
         drawn = np.empty((count, self.n))
-        align = _alignment(space.static.kernels.clearance, space.static.kernels.place)
+        align = alignment(space.static.kernels.clearance, space.static.kernels.place)
         for i in range(count):
             drawn[i] = super(TurnAndGo, self).draws(space, rng, 1, origin, goal_share)[0]
             if rng.random() < TUNING.aligned_share:
@@ -305,9 +262,14 @@ class TurnAndGo(Tracked):
 
     def roots(self, goal: Array) -> Array:
         """Spread headings evenly at the goal point (2,) [m], (k, 3), over half a turn for a robot that reverses."""
-        whole = np.pi if self.reverses else TWO_PI
-        headings = np.arange(TUNING.arrivals) * whole / TUNING.arrivals - 0.5 * whole
+        headings = arrivals(self.reverses)
         return np.column_stack([np.broadcast_to(goal, (len(headings), 2)), headings])
+
+
+def arrivals(reverses: bool) -> Array:
+    """Return headings at the goal point [rad], over half a turn for a robot that reverses."""
+    whole = np.pi if reverses else TWO_PI
+    return np.arange(TUNING.arrivals) * whole / TUNING.arrivals - 0.5 * whole
 
 
 def _driving(problem: Problem, pace: float) -> dict[str, Any]:

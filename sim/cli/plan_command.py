@@ -223,7 +223,8 @@ def estimate(arguments: argparse.Namespace) -> int:
     if time > 0.0 and not scenario.moving:
         raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")
     place = x[scenario.system.adapter.position]
-    if scenario.space.moving.distance(place, time) <= 0.0:
+    reads = scenario.problem.dynamics.reads(scenario.space.static.kernels.turns)
+    if scenario.space.moving.distance(x[list(reads)], time) <= 0.0:
         there = f"a moving obstacle is there at {time:g} s; choose another state or --time"
         raise OptionError(f"--at {' '.join(f'{v:g}' for v in place)}: {there}")
     grid = None

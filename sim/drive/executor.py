@@ -55,7 +55,7 @@ class ClearanceChecker:
         body = scene.body
         around = body if body.is_disc else Footprint.disc(body.reach, height=body.height)
         self._clearance = clearance or Collision(static, around).clearance
-        self._crowd = MovingObstacles(scene.movers, around) if scene.movers else None
+        self._crowd = MovingObstacles(scene.movers, body) if scene.movers else None
         self._states, self._reach = states, 0.0 if body.is_disc else body.reach
         self._exact = None if body.is_disc else collision_of(static, body).clearance
         self._disc: tuple[float, list[float] | None] = -inf, None  # the last static clearance [m], and where
@@ -67,15 +67,17 @@ class ClearanceChecker:
         """
         places = states[:, self._position]
         static = self._clearance(places)
-        if self._exact is not None:
-            return max(0.0, float(self._exact(self._states.poses(states)).min()))
         self._disc = float(static[-1]), places[-1].tolist()
-        free = float(static.min())
+        free = float(static.min() if self._exact is None else self._exact(self._states.poses(states)).min())
         if self._crowd is not None:
-            for x, now in zip(states, times, strict=True):
-                if self._crowd.surely(x, now) < free:
-                    free = min(free, self._crowd.clearance(x[self._position], now))
+            for pose, now in zip(self._poses(states), times, strict=True):
+                if self._crowd.surely(pose, now) < free:
+                    free = min(free, self._crowd.clearance(pose, now))
         return max(0.0, free)
+
+    def _poses(self, states: Array) -> Array:
+        """Return positions of a disc (..., d), or poses of a robot with corners (..., 3), of states (..., n)."""
+        return states[..., self._position] if self._exact is None else self._states.poses(states)
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
         """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
@@ -87,9 +89,13 @@ class ClearanceChecker:
         def clear(s: float) -> float:
             return self._static((start + s * (end - start)).tolist()) + ROUNDING
 
-        if not self._static(there, length) > length and touches(clear, lambda a, b: (b - a) * length, undecided=False):
-            return self._exact is None or self._touching(before, x)
-        return self._crowd is not None and self._crowd.meets(start, begin, end, now)
+        if (
+            not self._static(there, length) > length
+            and touches(clear, lambda a, b: (b - a) * length, undecided=False)
+            and (self._exact is None or self._touching(before, x))
+        ):
+            return True
+        return self._crowd is not None and self._crowd.meets(self._poses(before), begin, self._poses(x), now)
 
     def _touching(self, before: Array, x: Array) -> bool:
         """Check for anything between two states that touches a robot with corners."""

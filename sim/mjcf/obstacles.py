@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Motion, Mover, about_vertical
 from pirrht.geometry.scene import Kind, Obstacle, Scene
 from sim.mjcf.library import FARTHEST, Faults, listed, prefixed, refuse_far, refused
@@ -294,14 +293,14 @@ def read_movers(
 
 
 def clearance_at_start(scene: Scene) -> tuple[float, str]:
-    """Clearance of the footprint's disc from the nearest moving obstacle at the start [m], and the body's name."""
+    """Clearance of the footprint from the nearest moving obstacle at the start [m], and the body's name."""
     if not scene.movers:
         return inf, ""
     from pirrht.moving.collision import MovingObstacles  # FCL is slow to import, and few scenes move
 
-    disc = Footprint.disc(scene.robot_radius, height=scene.robot_height)
-    crowds = {mover.name: MovingObstacles([mover], disc) for mover in scene.movers}
-    return min((float(crowd.clearance(scene.start[:2], 0.0)), name) for name, crowd in crowds.items())
+    pose = scene.start[:2] if scene.footprint.is_disc else scene.start
+    crowds = {mover.name: MovingObstacles([mover], scene.footprint) for mover in scene.movers}
+    return min((float(crowd.clearance(pose, 0.0)), name) for name, crowd in crowds.items())
 
 
 class Mocap:

@@ -116,7 +116,7 @@ def default_margin(scenario: Scenario) -> tuple[float, tuple[Waiver, ...]]:
     if scene.goal is not problem.scene.goal:  # its centre is covered, and plans lead to what is free with the margin
         ends = ends[:1]
     if scene.movers:
-        ends = np.append(ends, space.moving.distance(start, 0.0))
+        ends = np.append(ends, space.moving.distance(start if scene.footprint.is_disc else scene.start, 0.0))
     passages = space.passages()
     kept = SHARE * np.maximum(0.5 * passages.width - scene.robot_radius, 0.0)  # in each of them
     spread = deviation(problem, s.period if s.between == "hold" else REACTION)

@@ -69,7 +69,7 @@ def test_among_moving_obstacles_a_held_control_is_that_of_the_walls_where_its_st
 def test_off_an_obstacle_that_recedes_a_held_control_turns_as_off_one_that_stands():
     scenario, t, x = prepare("crossing", noise=NOISE, margin=0.0), 1.0, np.array([3.052, 1.304])
     controller = scenario.controller(scenario.grown_tree())
-    (c, *away, vx, vy), *_ = scenario.space.world.moving.walls(*x, t, 0.05)
+    (c, *away, _, vx, vy), *_ = scenario.space.world.moving.walls(tuple(x), t, 0.05)
     receding = -np.dot(away, (vx, vy))
     assert receding > 0.4
     controller.begin(x, t)

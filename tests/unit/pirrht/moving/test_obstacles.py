@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from moving import SCENES, busy, clearance_among
 
+from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import NEVER
 from pirrht.geometry.world import WALL
@@ -15,6 +16,9 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.distances import disc_of, fastest_of, moving_clearance
 from pirrht.moving.exits import LISTING, SEEN, Watch, sweep, walls, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
+
+CART = Footprint.rectangle(1.0, 0.4, 0.1)
+HEXAGON = Footprint.polygon([(0.4, 0.0), (0.2, 0.3), (-0.2, 0.3), (-0.4, 0.0), (-0.2, -0.3), (0.2, -0.3)])
 
 
 def truth(scene: Scene, place: np.ndarray, time: float) -> float:
@@ -27,7 +31,7 @@ def test_clearances_are_those_of_the_bodies_as_they_stand_then(scene):
     traffic, crowd, met = MovingObstacleArrays.of(world), MovingObstacles(world.movers, world.footprint), 0
     for _ in range(150):
         place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 6.0)
-        found, right = moving_clearance(traffic, place[0], place[1], time), truth(world, place, time)
+        found, right = moving_clearance(traffic, tuple(place), time), truth(world, place, time)
         assert found == pytest.approx(crowd.clearance(place, time), abs=2e-3) or min(found, right) >= traffic.cutoff
         if right > 0.0:
             assert found == pytest.approx(min(right, traffic.cutoff), abs=2e-3)
@@ -44,20 +48,45 @@ def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
         traffic = MovingObstacleArrays.of(alone)
         for _ in range(100):
             place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 2.0)
-            rows = traffic.walls(*place, time, 0.8)
+            rows = traffic.walls(tuple(place), time, 0.8)
             if len(rows) == 0:
                 assert truth(alone, place, time) > 0.79
                 continue
-            d, nx, ny, vx, vy = rows[0]
-            assert d == pytest.approx(moving_clearance(traffic, *place, time), abs=1e-12)
+            d, nx, ny, _, vx, vy = rows[0]
+            assert d == pytest.approx(moving_clearance(traffic, tuple(place), time), abs=1e-12)
             if d > 0.0:
-                beyond = moving_clearance(traffic, *(place + dt * np.array([nx, ny])), time)
+                beyond = moving_clearance(traffic, tuple(place + dt * np.array([nx, ny])), time)
                 assert (beyond - d) / dt == pytest.approx(1.0, abs=0.06)
-                assert (moving_clearance(traffic, *place, time + dt) - d) / dt == pytest.approx(
+                assert (moving_clearance(traffic, tuple(place), time + dt) - d) / dt == pytest.approx(
                     -(vx * nx + vy * ny), abs=0.06
                 )
                 seen += 1
     assert seen > 30
+
+
+@pytest.mark.parametrize("footprint", [CART, HEXAGON], ids=["cart", "hexagon"])
+def test_a_polygon_meets_what_it_touches_or_passes_within_a_centimetre(footprint):
+    """Boxes, discs and meshes that turn: clearance, its change with pose and time, and where a step meets one."""
+    world, rng, h, met = replace(busy(), footprint=footprint), np.random.default_rng(4), 1e-7, 0
+    traffic, exact, off = MovingObstacleArrays.of(world), MovingObstacles(world.movers, footprint), []
+    for _ in range(300):
+        pose, t = rng.uniform([0.8, 0.3, -7.0], [5.2, 3.7, 7.0]), rng.uniform(0.0, 1.0)
+        found, right = traffic.clearance(tuple(pose), t), min(exact.clearance(pose, t), traffic.cutoff)
+        assert found <= right or right == 0.0
+        assert found > right - (0.01 if right < 0.09 else 0.06) or right == 0.0
+        if found <= 0.0:
+            continue
+        for _, *away, vx, vy in traffic.walls(tuple(pose), t, found + 1e-9):
+            rises = [traffic.clearance(tuple(pose + h * one), t) - found for one in np.eye(3)]
+            rises.append(traffic.clearance(tuple(pose), t + h) - found)
+            off.append(np.abs(np.array(rises) / h - [*away, -away[0] * vx - away[1] * vy]).max())
+        step = rng.uniform([-0.3, -0.3, -0.6], [0.3, 0.3, 0.6])
+        hit = sweep(traffic, watch(traffic), (tuple(pose), tuple(pose + step), 0.0), t, 0.1, 1.0)
+        least = min(exact.clearance(pose + s * step, t + 0.1 * s) for s in min(hit, 1.0) * np.linspace(0.0, 1.0, 60))
+        met += hit < NEVER
+        assert least < 0.02 if hit < NEVER else least > 0.0
+    assert met > 10
+    assert np.mean(np.array(off) > 0.05) < 0.1  # at corners, and where motions change
 
 
 def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
@@ -70,8 +99,8 @@ def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
             x, y, _ = mover.motion.pose(time)
             lower = np.hypot(place[0] - x, place[1] - y) - disc_of(traffic, j)
             assert lower <= max(truth(replace(world, movers=(mover,)), place, time), 0.0) + 1e-9
-            for row in alone.walls(*place, time, 0.8):
-                assert np.hypot(row[3], row[4]) <= fastest_of(traffic, j) + 1e-9
+            for row in alone.walls(tuple(place), time, 0.8):
+                assert np.hypot(row[4], row[5]) <= fastest_of(traffic, j) + 1e-9
 
 
 @kernel
@@ -80,15 +109,15 @@ def _watch(moving):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _walls(moving, notes, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    return walls(moving, notes, x, y, t, within, out)
+def _walls(moving, notes, pose, t, within, out):  # type: ignore[no-untyped-def]
+    return walls(moving, notes, pose, t, within, out)
 
 
 def near_walls(
     traffic: MovingObstacleArrays, notes: Watch, x: np.ndarray, t: float, within: float
 ) -> tuple[np.ndarray, float]:
     out = np.empty((traffic.J, WALL))
-    count, until = _walls(traffic, notes, x[0], x[1], t, within, out)
+    count, until = _walls(traffic, notes, (x[0], x[1]), t, within, out)
     return out[:count], until
 
 
@@ -130,7 +159,7 @@ def test_a_straight_way_is_met_where_fcl_says():
         b = a + rng.uniform(-0.3, 0.3, 2)
         if crowd.clearance(a, t) < 2e-3:
             continue
-        share = sweep(traffic, notes, (a[0], a[1], b[0], b[1], 0.0), t, dt, 1.0)
+        share = sweep(traffic, notes, (tuple(a), tuple(b), 0.0), t, dt, 1.0)
         found = share < NEVER
         right = crowd.meets(a, t, b, t + dt)
         met += right

@@ -1,12 +1,15 @@
 """Trees of robots with corners: paths whose turns are free, and the name of the place where there is none."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from moving import SCENES
 from trees import grown
 
 from pirrht import Footprint, FreeSpace, NoReference, Problem, Scene
+from pirrht.steering.in_time import InTime
 from pirrht.steering.turn_and_go import TurnAndGo, wrapped
 from pirrht.systems.rover import Rover
 from sim.scenario.narrow_place import narrow_place
@@ -57,6 +60,29 @@ def test_a_cart_passes_lengthwise_and_turns_where_there_is_room_and_backs_out_of
         poses.append(np.column_stack([tail[:2] + ahead, np.full(100, along)]))
         assert space.collision.clearance(np.vstack(poses)).min() > -1e-9
         heading = along
+
+
+@pytest.mark.parametrize("name", ["closing_door", "oblique"])
+def test_among_moving_obstacles_a_cart_is_free_along_its_legs_and_while_it_turns_at_their_ends(name):
+    problem = Problem(dynamics=Rover(b=0.1), scene=replace(SCENES[name](), footprint=CART), R=np.diag([2.0, 0.5]))
+    space, steering = FreeSpace.of(problem.scene), InTime.of(problem)
+    tree = grown(space, steering, 500)
+    for one in tree.references(steering.at(space.scene.start, 0.0)):
+        heading, path = space.scene.start[2], one.path
+        assert np.all(np.diff(path.knots[:, 2]) > 0.0)
+        assert tree.homology.winding(path.knots) == one.winding
+        for i, (ax, ay, s, bx, by, t) in enumerate(path.path):
+            way, after = math.atan2(by - ay, bx - ax), path.heads[i, 3]
+            ways = [way, way + math.pi] if (ax, ay) != (bx, by) else [heading]
+            along = min(ways, key=lambda way: abs(wrapped(way - heading)) + abs(wrapped(after - way)))
+            at, moments = np.linspace(0.0, 1.0, 60)[:, None], np.linspace(s, t, 60)
+            turns = [np.hstack([np.tile([x, y], (60, 1)), first + at * wrapped(last - first)])
+                     for x, y, first, last in ((ax, ay, heading, along), (bx, by, along, after))]  # fmt: skip
+            legs = np.hstack([[ax, ay] + at * [bx - ax, by - ay], np.full((60, 1), along)])
+            poses, times = np.vstack([*turns, legs]), np.concatenate([np.full(60, s), np.full(60, t), moments])
+            assert space.collision.clearance(poses).min() > -1e-9
+            assert min(map(space.moving.distance, poses, times)) > -1e-9
+            heading = after
 
 
 @pytest.mark.parametrize(

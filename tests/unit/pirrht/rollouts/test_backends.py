@@ -42,6 +42,7 @@ from pirrht.systems.rover import Rover
 ENDS = {"start": (0.0, 0.0), "goal": (4.0, -0.6, 0.3), "lower": (-1.0, -3.0), "side": (6.0, 3.0), "radius": 0.15}
 POST = scene_of([disc("post", 2.2, -0.2, 0.4)], **ENDS)
 CART = replace(POST, footprint=Footprint.rectangle(0.4, 0.2))
+CROSSING = replace(SCENES["crossing"](), footprint=Footprint.rectangle(0.6, 0.3))
 POINT, CAR, ROVER = SingleIntegrator(b=0.2), Unicycle(b=0.3), Rover(b=0.1)
 CASES = {
     "tube": (POST, POINT, StraightLine.of), "law of a car": (POST, CAR, Dubins.of),
@@ -50,8 +51,10 @@ CASES = {
     "rectangle of a rover": (CART, ROVER, lambda problem: Tracked.of(problem, 1.0)),
     "point among moving": (SCENES["crossing"](), POINT, InTime.of),
     "rover among moving": (SCENES["crossing"](), ROVER, InTime.of),
+    "rectangle of a car among moving": (CROSSING, CAR, InTime.of),
+    "rectangle of a rover among moving": (CROSSING, ROVER, InTime.of),
 }  # fmt: skip
-RARE = ("rectangle of a car", "rover among moving")  # whose kernels take long to compile
+RARE = ("rectangle of a car", *[name for name in CASES if "r among moving" in name])  # which take long to compile
 EVERY = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in RARE else []) for name in CASES]
 )

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from mjcf_samples import refusal
-from plants import QUIET, problem_of, scene_file
+from plants import QUIET, body, problem_of, rows, scene_file
 
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.geometry.footprint import Footprint
@@ -101,9 +101,18 @@ def test_a_robot_without_a_disc_plans_as_the_hull_of_what_collides(tmp_path, wri
     assert 'no sphere geom "footprint"' in refusal(scene_file(tmp_path), robot=slides)
 
 
-def test_a_cart_that_turns_on_the_spot_hits_what_its_corners_reach(tmp_path):
-    wall = '<geom name="wall" type="box" size="3 0.1 0.3" pos="0 0.6 0.3"/>'  # 0.5 m aside, and the corners reach 0.73
-    loaded = load(scene_file(tmp_path, world=wall), robot="rover", footprint=CART)
+WALL = 'type="box" size="3 0.1 0.3"'
+
+
+@pytest.mark.parametrize(
+    ("wall", "option"),
+    [(f'<geom name="wall" {WALL} pos="0 0.6 0.3"/>', ""),
+     (body("wall", WALL, "0 0.6 0.3"), f"<custom>{rows('wall', '0 0 0.6 0')}</custom>")],
+    ids=["static", "moving"],
+)  # fmt: skip
+def test_a_cart_that_turns_on_the_spot_hits_what_its_corners_reach(tmp_path, wall, option):
+    """It is 0.5 m aside, and the corners reach 0.73 m."""
+    loaded = load(scene_file(tmp_path, world=wall, option=option), robot="rover", footprint=CART)
     problem = problem_of(loaded, Rover(b=QUIET), R=np.diag([2.0, 0.5]))
     for plant in (Executor(loaded, problem, period=1.0), Plant(problem, period=1.0)):
         found = plant.advance(lambda x, s: np.array([0.0, 1.5]), np.random.default_rng(0))
@@ -128,6 +137,10 @@ def test_plans_and_pictures_know_the_corners_of_the_robot():
     tree = scenario.empty_tree()
     line = tree.steering.trajectory(tree.steering.connect(poses[:-1], poses[1:])).poses(5)
     np.testing.assert_allclose(line[[0, 1, 4]], [[1, 1, 0], [0.5, 1, 0], [0, 2, 0.5 * np.pi]], atol=1e-12)  # it backs
+    legs = prepare("crossing", robot="rover", footprint=CART, vertices=20, samples=20).steering()
+    timed = np.insert(poses, 2, [0.0, 2.0, 4.0], axis=1)
+    again = legs.trajectory(legs.connect(timed[:-1], timed[1:])).poses(5)
+    np.testing.assert_allclose(again[:4], line[:4], atol=1e-12)
     drawn = rings(scene.body, line)
     assert drawn.shape == (5, 5, 2)
     np.testing.assert_allclose(drawn[0, [0, 2]], [[0.7, 0.8], [1.7, 1.2]])
