@@ -21,7 +21,6 @@ from pirrht.jit.records import Held
 from pirrht.jit.streams import ONE, ZERO
 from pirrht.jit.vectors import combined, dot
 
-NEAR_MOST = 8  # static walls at one place: two components and six sides of the border
 DIAGONAL = math.sqrt(3.0)
 _dot, _both = dot(3), combined(3)
 
@@ -49,12 +48,14 @@ class Ball(Held, Lattice):
         """Sample clearances [m] from the solids that count; SceneError: the workspace is too large."""
         world, radius = collision.world, collision.footprint.radius
         span = world.upper - world.lower
-        h = max(radius / TUNING.cells_per_radius, float(np.prod(span) / TUNING.dense_points) ** (1.0 / 3.0))
-        if h > radius / TUNING.least_cells:
-            most = (radius / TUNING.least_cells) ** 3 * TUNING.dense_points
+        volume = float(np.prod(span))
+        coarsest = radius / TUNING.least_cells
+        h = min(max(radius / TUNING.cells_per_radius, (volume / TUNING.dense_points) ** (1.0 / 3.0)), coarsest)
+        if volume > TUNING.block_points * h**3:
+            least = TUNING.least_cells * (volume / TUNING.block_points) ** (1.0 / 3.0)
             raise SceneError(
-                f"the workspace of {span[0]:g} m x {span[1]:g} m x {span[2]:g} m is too large for a ball of radius "
-                f"{radius:g} m; up to {most:.3g} m^3 work, or a radius of {TUNING.least_cells * h:.3g} m or more"
+                f"the workspace of {' m x '.join(f'{side:g}' for side in span)} m is too large for a ball of radius "
+                f"{radius:g} m; up to {TUNING.block_points * h**3:.3g} m^3 work, or a radius of {least:.3g} m or more"
             )
         counts = np.ceil(span / h - 1e-9).astype(int) + 1
         nearest, second = np.empty((2, *counts), dtype=np.float32)
@@ -207,7 +208,7 @@ ROUND = round_kernels(
         label=_label, walls=walls, along=_along, entry=_entry,
     )
 )  # fmt: skip
-_clearance, _refused = ROUND.clearance, ROUND.refused
+_clearance, _refused = ROUND.fields["clearance"], ROUND.refused
 
 
 @kernel
@@ -238,7 +239,6 @@ def certify_piece(static, tail, head, patient=True):  # type: ignore[no-untyped-
 
 
 BALL = SpaceKernels(
-    position=3, turns=False, isotropic=False, near_most=NEAR_MOST, walls=walls, place=_clearance, certify=certify,
-    certify_place=certify, certify_piece=certify_piece, certify_curve=None,
-    **{name: part for name, part in ROUND._asdict().items() if name in SpaceKernels._fields},
+    isotropic=False, certify=certify, certify_place=certify, certify_piece=certify_piece, certify_curve=None,
+    **ROUND.fields,
 )  # fmt: skip

@@ -98,6 +98,7 @@ class Space(Protocol):
 class StateKernels(NamedTuple):
     """Kernels of one member at states (n,), whose position, and heading if it turns, lie at some indices."""
 
+    position: int  # numbers of a state's position, which come first
     pose: Any  # (x (n,)): the pose of a state; without a heading the place
     clearance: Any  # (static, x (n,)): clearance [m]
     certify: Any  # (static, x (n,)): FREE, BLOCKED or UNSURE
@@ -119,6 +120,7 @@ def at_states(kernels: SpaceKernels, reads: tuple[int, ...]) -> StateKernels:
     if not whole:
         clearance_of, certify_of = kernels.place, kernels.certify_place
     return StateKernels(
+        kernels.position,
         pose,
         inlined(lambda static, x: clearance_of(static, pose(x))),
         inlined(lambda static, x: certify_of(static, pose(x))),

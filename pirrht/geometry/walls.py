@@ -98,6 +98,13 @@ def bin_at(bins, x, y):  # type: ignore[no-untyped-def]
     return bins.first[i * bins.rows + j], bins.first[i * bins.rows + j + 1]
 
 
+@part
+def above(solids, m, z, d):  # type: ignore[no-untyped-def]
+    """Return in space the square of the distance of a height from the box around a solid [m^2], else 0."""
+    rise = max(max(solids.low[m, 2] - z, z - solids.high[m, 2]), 0.0) if d == 3 else 0.0
+    return rise * rise
+
+
 @borrowing
 def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untyped-def]
     """Put the two nearest walls of points (k, 2) [m] at a height [m], or of points in space (k, 3), into `found`."""
@@ -114,7 +121,7 @@ def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untype
 
         for k in range(begin, end):
             m = bins.member[k]
-            if square_to(solids.low, solids.high, m, x, y) >= later * later:
+            if square_to(solids.low, solids.high, m, x, y) + above(solids, m, z, d) >= later * later:
                 continue
             gap = distance_from(solids, m, x, y, z)
             gap = 0.0 if gap <= PROBE else gap
@@ -130,7 +137,7 @@ def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untype
         best = second[i]
         for k in range(begin, end):
             m = bins.member[k]
-            if m == at or square_to(solids.low, solids.high, m, x, y) >= best * best:
+            if m == at or square_to(solids.low, solids.high, m, x, y) + above(solids, m, z, d) >= best * best:
                 continue
             gap = distance_from(solids, m, x, y, z)
             if gap <= PROBE:

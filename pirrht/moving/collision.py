@@ -189,7 +189,8 @@ def _seen(pose: Array, body: Iterable[float]) -> Array:
 def radius_of(solids: tuple[Obstacle, ...]) -> float:
     """Return how far an obstacle's solids extend from its origin, seen from above, at most [m]."""
     every = Solids.of(solids)
-    return float(np.hypot(*np.maximum(np.abs(every.low), np.abs(every.high)).T).max(initial=0.0))
+    far = np.maximum(np.abs(every.low[:, :2]), np.abs(every.high[:, :2]))
+    return float(np.hypot(*far.T).max(initial=0.0))
 
 
 def travels(motion: Motion, radius: float) -> Array:

@@ -140,12 +140,14 @@ def _shapes(
     [m] around each, less the excess of interpolation, since next to large solids lattices are coarse for a small disc.
     """
     solids = Solids.of(obstacles)
+    low = solids.low[:, :2]
+    high = solids.high[:, :2]
 
     K = len(obstacles)
     tables = np.flatnonzero(solids.form < 0)
     fine = TUNING.table_pitch * radius
 
-    area = float(np.prod(solids.high[tables] - solids.low[tables] + 2.0 * (margin + 2.0 * fine), axis=1).sum())
+    area = float(np.prod(high[tables] - low[tables] + 2.0 * (margin + 2.0 * fine), axis=1).sum())
     pitch = max(fine, math.sqrt(area / TUNING.table_points))
 
     first = np.zeros(K, dtype=np.int64)
@@ -155,8 +157,8 @@ def _shapes(
     parts: list[Array] = [np.zeros(0)]
     plane = np.full(2, 1e3)  # beyond any solid [m]
     for k in tables:
-        corner[k] = solids.low[k] - margin - pitch
-        shape[k] = np.ceil((solids.high[k] + margin - corner[k]) / pitch).astype(int) + 2
+        corner[k] = low[k] - margin - pitch
+        shape[k] = np.ceil((high[k] + margin - corner[k]) / pitch).astype(int) + 2
         first[k] = sum(map(len, parts))
         disc = Footprint.disc(radius, height=height)
         distance = Collision(Workspace(-plane, plane, (obstacles[k],)), disc).distance(

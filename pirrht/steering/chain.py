@@ -81,6 +81,7 @@ def _chain(
     cost_of: Number, connect: Any, motion: MotionKernels, kernels: StateKernels, shift: Any, part: Any
 ) -> Callable[..., Array]:  # fmt: skip
     """Build (around, numbers, states (k, n), moves, tuning) -> the vertices (l, n) of a path that costs no more."""
+    position = kernels.position
     entry, cut, certify, pairs, most, between = motion
     clearance = kernels.clearance
 
@@ -221,7 +222,8 @@ def _chain(
                 for m in range(moves):
                     shift(states[i], m, tuning.first_step * 0.5**level, numbers, trial[0])
                     if i == len(states) - 1:
-                        trial[0, :2] = (states[i, 0], states[i, 1])
+                        for k in range(position):
+                            trial[0, k] = states[i, k]
                     move(around, numbers, path, i, trial, tuning, scratch)
 
     @part
@@ -294,7 +296,9 @@ def resumed(x: Array, path: Motions, connect: Connect, checker: EdgeChecker, tun
     corners = path.heads.copy()
     count = min(tuning.corners, len(path.heads))
 
-    corners[-1, :2] += tuning.into_goal * (checker.space.scene.goal.center - corners[-1, :2])
+    goal = checker.space.scene.goal.center
+    place = corners[-1, : len(goal)]
+    place += tuning.into_goal * (goal - place)
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
     motions = copied(connect(np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]]), corners[to]))
     edges, _ = judge_with(checker.kernels)(checker.around, motions, to == len(corners) - 1, to)
