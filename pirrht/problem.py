@@ -177,10 +177,10 @@ def _faults(d: Dynamics) -> Iterator[str]:
     if "z" in d.states and len(axes) == 2:
         yield 'its state "z" is a third position; declare position = (0, 1, 2), or keep to "x" and "y" in the plane'
     if n < len(axes):
-        yield f"n is {n}; a robot has at least the {len(axes)} states {', '.join(axes)}"
+        yield f"n is {n}; a robot has at least the {len(axes)} states {' and '.join(axes)}"
     if d.states[: len(axes)] != axes:
         first = " and ".join(f'"{axis}"' for axis in axes)
-        yield f"its states are ({given}); the first {len(axes)} must be {first}"
+        yield f"its states are ({given}); the first {('two', 'three')[len(axes) - 2]} must be {first}"
     if not len(set(d.states)) == len(d.states) == n:
         yield (f'n is {n}, but its states are ({given}); name each once, as in states = ("x", "y", "vx", "vy")')
     if not 1 <= m <= n:

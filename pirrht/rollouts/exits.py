@@ -59,9 +59,10 @@ def ended_for(kind: KernelSpec) -> Any:
             scratch.moved[0] - x[0] - f[0] * dt, scratch.moved[1] - x[1] - f[1] * dt,
             scratch.moved[2] - x[2] - f[2] * dt,
         )  # fmt: skip
-        state, end = at_crossing_in_space(
+        state, ex, ey, ez = at_crossing_in_space(
             met, arena.radius if exit == GOAL else 0.0, end, share, math.sqrt(variance), state
         )
+        end = (ex, ey, ez)
         for k in range(3):
             scratch.moved[k] = x[k] + f[k] * dt * share + end[k]
             scratch.y[k] = (B[0, k] * end[0] + B[1, k] * end[1] + B[2, k] * end[2]) * dt / variance

@@ -68,7 +68,7 @@ def at_crossing(exit, radius, end, share, deviation, state):  # type: ignore[no-
 def at_crossing_in_space(exit, radius, end, share, deviation, state):  # type: ignore[no-untyped-def]
     """Displace an isotropic bridge in space to its first crossing, as `at_crossing` does in the plane.
 
-    Returns: next state of the sequence, displacement (x, y, z) [m].
+    Returns: next state of the sequence, displacement in x, y and z [m].
     """
     gap, nx, ny, nz = exit
     dx, dy, dz = end
@@ -85,7 +85,7 @@ def at_crossing_in_space(exit, radius, end, share, deviation, state):  # type: i
     square = x * x + y * y + z * z
     if square < radius * radius:  # the rim is round
         gap += radius - math.sqrt(radius * radius - square)
-    return state, (x + gap * nx, y + gap * ny, z + gap * nz)
+    return state, x + gap * nx, y + gap * ny, z + gap * nz
 
 
 @inlined

@@ -30,7 +30,7 @@ from pirrht.jit.streams import antithetic, exposure, fill_normals, stream
 from pirrht.problem import Problem
 from pirrht.rollouts import tables as tubes
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.first_exit import at_crossing, slope_for, turn_of
+from pirrht.rollouts.first_exit import at_crossing, at_crossing_in_space, slope_for, turn_of
 from pirrht.rollouts.step import SWAY, KernelSpec, gap_among, of_pose
 from pirrht.rollouts.tables import FINER, LawRows, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
@@ -174,9 +174,9 @@ class Path:
             count, until = self.moving.walls(self.world.moving, self.watch, here, clock, within, self.near)
             self.dt = self.until = min(left, max(until - clock, TUNING.least_change))
         self.expose(here, count)
-        xx, _, yy = self.in_plane(self.dt)
         way = TUNING.entering * math.sqrt(2.0 * self.setup.least_rate * self.dt) + TUNING.deviations
-        self.shapes &= self.to_goal > way * math.sqrt(xx + yy)  # a step that may enter the goal draws passive noise
+        spread_out = math.sqrt(float(np.trace(self.of_place())) * self.dt)
+        self.shapes &= self.to_goal > way * spread_out  # a step that may enter the goal draws passive noise
         c, n, e, m = self.space.walls(self.world.static, here)
         widest, back = np.float32(0.5 * math.sqrt(spread)), np.float32(self.tables.set_back)
         self.walls = max(c + back, widest), n, max(e + back, widest), m
@@ -194,10 +194,10 @@ class Path:
         noise = self.B[self.reads]
         return tuple(one for i, row in enumerate((dt * noise @ noise.T).tolist()) for one in row[i:])
 
-    def in_plane(self, dt: float) -> tuple[float, ...]:
-        """Return (xx, xy, yy) of it."""
-        xx, xy, *more = self.covariance(dt)
-        return xx, xy, more[len(self.reads) - 2]
+    def of_place(self) -> Array:
+        """Return that of the noise of the position per second, (d, d)."""
+        noise = self.B[list(self.kind.position)]
+        return np.asarray(noise @ noise.T)
 
     def expose(self, here: Pose, count: int) -> None:
         """Add how fast the chance grows that the step which ends here comes close to a wall."""
@@ -284,10 +284,10 @@ class Path:
             self.B = self.d.whole(self.d.B_c(middle))
             f = f if swept else self.d.f(middle)
         self.moved = x + f * dt + self.B @ self.y
-        if not self.kind.curved_step:
-            return 1.0, 0.0
         place = list(self.kind.position)
-        return 1.0, turn_of(*self.f[place], *self.d.f(self.moved)[place], *(self.moved - x)[place], dt)
+        if not self.kind.curved_step or len(place) == 3:
+            return 1.0, 0.0
+        return 1.0, turn_of(self.f[place], self.d.f(self.moved)[place], (self.moved - x)[place], dt)
 
     def drift_half_way(self) -> Array:
         """Return the drift at the middle of the step's noise, or its mean over the step by two points."""
@@ -354,17 +354,19 @@ class Path:
 
         That is of points, and of noise along a line that meets the goal's rim; `wall`: row 0 of moving ones is met.
         """
-        (xx, xy, yy) = self.in_plane(1.0)
+        cov = self.of_place()
+        variance = float(cov[0, 0])
         drift = self.f * self.dt
-        if self.kind.traits.point and xy == 0.0 and xx == yy:
+        if self.kind.traits.point and np.array_equal(cov, variance * np.eye(len(cov))):
             met = self.space.exit(self.world, here, self.outcome)
             if wall:
                 gap, n, v = self.near[0, 0], self.near[0, 1:3], self.near[0, 4:]
                 met = (max(gap, 0.0) - share * self.dt * float((v - self.f) @ n), *(-n).tolist())
             radius = self.world.radius if self.outcome == GOAL else 0.0
             beyond = tuple((self.moved - self.x - drift).tolist())
-            _, *noise = at_crossing(met, radius, beyond, share, math.sqrt(xx * self.dt), np.uint64(self.random))
-            self.y = self.B.T @ noise / xx
+            crossing = at_crossing if len(beyond) == 2 else at_crossing_in_space
+            _, *noise = crossing(met, radius, beyond, share, math.sqrt(variance * self.dt), np.uint64(self.random))
+            self.y = self.B.T @ noise / variance
         else:
             direction, to_rim, alone = self.space.rim(self.world, here, self.covariance(self.dt))
             if not (self.kind.along_line and self.outcome == GOAL and alone):
@@ -373,7 +375,7 @@ class Path:
             between = np.empty(len(self.y) + 1)
             fill_normals(np.uint64(self.random), len(between) // 2, between)
             self.y = share * self.y + math.sqrt(share * (1.0 - share) * self.dt) * between[: len(self.y)]
-            self.y += along / (xx + yy) * (to_rim - along @ self.y)
+            self.y += along / np.trace(cov) * (to_rim - along @ self.y)
         self.until = share * self.dt
         self.moved = self.x + share * drift + self.B @ self.y
 
