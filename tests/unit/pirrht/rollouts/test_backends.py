@@ -13,6 +13,7 @@ import pytest
 from batches import led
 from discs import disc, scene_of
 from moving import SCENES, walled
+from spaces import window
 
 from pirrht import (
     Controller,
@@ -36,7 +37,10 @@ from pirrht.rollouts.backend import Backend
 from pirrht.rollouts.plain import Plain
 from pirrht.rollouts.tables import LawRows, Paths, ProposalTables
 from pirrht.steering.in_time import InTime
+from pirrht.steering.pieces import SpaceLine, TrackedInSpace
 from pirrht.steering.straight_line import Tracked
+from pirrht.systems.ball import Ball
+from pirrht.systems.drone import Drone
 from pirrht.systems.rover import Rover
 
 ENDS = {"start": (0.0, 0.0), "goal": (4.0, -0.6, 0.3), "lower": (-1.0, -3.0), "side": (6.0, 3.0), "radius": 0.15}
@@ -53,8 +57,11 @@ CASES = {
     "rover among moving": (SCENES["crossing"](), ROVER, InTime.of),
     "rectangle of a car among moving": (CROSSING, CAR, InTime.of),
     "rectangle of a rover among moving": (CROSSING, ROVER, InTime.of),
+    "ball in space": (window(), Ball(b=0.2), SpaceLine.of),
+    "drone in space": (window(), Drone(b=0.2), lambda problem: TrackedInSpace.of(problem, 1.0)),
 }  # fmt: skip
-RARE = ("rectangle of a car", *[name for name in CASES if "r among moving" in name])  # which take long to compile
+# Those that take long to compile.
+RARE = ("rectangle of a car", "drone in space", *[name for name in CASES if "r among moving" in name])
 EVERY = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in RARE else []) for name in CASES]
 )
@@ -74,9 +81,10 @@ class Drawn(NamedTuple):
 def drawn(name: str) -> Drawn:
     """What the second plan of a controller hands to its backend."""
     scene, dynamics, steering = CASES[name]
-    R = {CAR: np.eye(1), ROVER: np.diag([2.0, 0.5])}.get(dynamics, 2.0 * np.eye(2))
+    R = {CAR: np.eye(1), ROVER: np.diag([2.0, 0.5])}.get(dynamics, 2.0 * np.eye(dynamics.m))
     problem, space = Problem(dynamics=dynamics, scene=scene, R=R), FreeSpace.of(scene)
-    tree = HomologyTree(space, steering(problem), limit=0.8, rng=np.random.default_rng(0))
+    limit = 0.8 if scene.dimension == 2 else 1.0
+    tree = HomologyTree(space, steering(problem), limit=limit, rng=np.random.default_rng(0))
     tree.grow(200)
     steps = "uniform" if dynamics.noisy_position else "fitted"  # others are never split
     sampling = Sampling(samples=20, steps=steps, threads=1)
@@ -190,7 +198,8 @@ def test_without_addresses_a_device_has_all_that_paths_depend_on(name):
     given = leaves(without_addresses(setup)) + leaves(without_addresses(tables))
     held = {leaf.ctypes.data for leaf in given if isinstance(leaf, np.ndarray)}
     assert not held & {leaf for leaf in given if isinstance(leaf, int)}
-    assert without_addresses(tables)["classes"]["program"] == "PlanarTable"
+    program = "PlanarTable" if one.problem.scene.dimension == 2 else "Links"
+    assert without_addresses(tables)["classes"]["program"] == program
     again = copied(setup), copied(tables), one.rollouts.origin
     for field in Paths._fields:
         found = [getattr(one.backends[0].sample(*batch), field) for batch in ((setup, tables, again[2]), again)]
