@@ -24,8 +24,8 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.space import BLOCKED, FREE, UNSURE, Space, at_states
 from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.moving.obstacles import MovingObstacleArrays
-from pirrht.topology.choice import obstacles_of, signature_of
-from pirrht.topology.obstacles import Component, components, continued
+from pirrht.topology.choice import continued_in, obstacles_of, signature_of
+from pirrht.topology.obstacles import Component
 from pirrht.topology.signature import Signature
 
 
@@ -90,8 +90,8 @@ class FreeSpace:
         """
         scene, collision = _checked(scene, start_counts=False)
         named = len(self.homology.markers) if self.homology.named is None else self.homology.named
-        parts = components(collision)
-        return self._of(scene, collision, parts, continued(parts, self.obstacles, collision, named), named)
+        parts = obstacles_of(collision)
+        return self._of(scene, collision, parts, continued_in(parts, self.obstacles, collision, named), named)
 
     @classmethod
     def _of(

@@ -21,7 +21,6 @@ from pirrht.jit.records import Held
 from pirrht.jit.streams import ONE, ZERO
 from pirrht.jit.vectors import combined, dot
 
-NEAR_MOST = 8  # static walls at one place: two components and six sides of the border
 DIAGONAL = math.sqrt(3.0)
 _dot, _both = dot(3), combined(3)
 
@@ -207,7 +206,7 @@ ROUND = round_kernels(
         label=_label, walls=walls, along=_along, entry=_entry,
     )
 )  # fmt: skip
-_clearance, _refused = ROUND.clearance, ROUND.refused
+_clearance, _refused = ROUND.fields["clearance"], ROUND.refused
 
 
 @kernel
@@ -238,7 +237,6 @@ def certify_piece(static, tail, head, patient=True):  # type: ignore[no-untyped-
 
 
 BALL = SpaceKernels(
-    position=3, turns=False, isotropic=False, near_most=NEAR_MOST, walls=walls, place=_clearance, certify=certify,
-    certify_place=certify, certify_piece=certify_piece, certify_curve=None,
-    **{name: part for name, part in ROUND._asdict().items() if name in SpaceKernels._fields},
+    isotropic=False, certify=certify, certify_place=certify, certify_piece=certify_piece, certify_curve=None,
+    **ROUND.fields,
 )  # fmt: skip

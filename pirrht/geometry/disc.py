@@ -9,8 +9,6 @@ from pirrht.geometry.round import GridKernels, round_kernels
 from pirrht.geometry.space import SpaceKernels
 from pirrht.jit.jit import inlined, part
 
-NEAR_MOST = 6  # static walls at one place: two components and four sides of the border
-
 
 class Disc(Field):
     """The clearance field of a disc's centre, as a `Space`."""
@@ -76,12 +74,12 @@ PLANE = GridKernels(
     entry=_entry,
 )
 ROUND = round_kernels(PLANE)
-clearance, distances, sweep, bridge = ROUND.clearance, ROUND.distances, ROUND.sweep, ROUND.bridge
-towards_exit, rim, enter_goal = ROUND.exit, ROUND.rim, ROUND.enter_goal
+enter_goal = ROUND.enter_goal
+clearance = ROUND.fields["clearance"]
 certify, certify_piece, certify_curve, _ = certificates(clearance, ROUND.refused, False)
 
 DISC = SpaceKernels(
-    position=2, turns=False, isotropic=True, near_most=NEAR_MOST, walls=walls, place=clearance, certify=certify,
-    certify_place=certify, certify_piece=certify_piece, certify_curve=certify_curve,
-    **{name: part for name, part in ROUND._asdict().items() if name in SpaceKernels._fields},
+    isotropic=True, certify=certify, certify_place=certify, certify_piece=certify_piece, certify_curve=certify_curve,
+    **ROUND.fields,
 )  # fmt: skip
+distances, sweep, bridge, towards_exit, rim = DISC.distances, DISC.sweep, DISC.bridge, DISC.exit, DISC.rim

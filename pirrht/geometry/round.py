@@ -53,20 +53,9 @@ class CovarianceKernels(NamedTuple):
 
 
 class RoundKernels(NamedTuple):
-    """Kernels of a round robot: as of `SpaceKernels`, and what other footprints share."""
+    """Kernels of a round robot, and parts that other footprints share."""
 
-    clearance: Any
-    known_walls: Any
-    near: Any
-    distances: Any
-    facing: Any
-    spread: Any
-    extent: Any
-    sweep: Any
-    bridge: Any
-    end: Any
-    exit: Any
-    rim: Any
+    fields: dict[str, Any]  # of `SpaceKernels`, by name
     refused: Any  # (static, place): BLOCKED or UNSURE for a place that is not certified
     # (world, place, moved, g0, g1, cov, line, state), distances to the goal [m]: next state of the random sequence, and
     # the share of a step at which a bridge enters the goal, or NEVER
@@ -433,8 +422,9 @@ def round_kernels(grid: GridKernels) -> RoundKernels:
         e, alone = line_of(cov)
         return e, rim_along(arena, pose, e), alone
 
-    return RoundKernels(
-        clearance=clearance, known_walls=known_walls, near=near, distances=distances, facing=facing, spread=spread,
-        extent=extent, sweep=sweep, bridge=bridge, end=endpoint_exit, exit=towards_exit, rim=rim, refused=refused,
-        enter_goal=enter_goal,
-    )  # fmt: skip
+    fields = {
+        "clearance": clearance, "place": clearance, "walls": walls, "known_walls": known_walls, "near": near,
+        "distances": distances, "facing": facing, "spread": spread, "extent": extent, "sweep": sweep,
+        "bridge": bridge, "end": endpoint_exit, "exit": towards_exit, "rim": rim,
+    }  # fmt: skip
+    return RoundKernels({"position": width, "turns": False, "near_most": 2 * width + 2} | fields, refused, enter_goal)

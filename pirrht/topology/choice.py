@@ -8,14 +8,23 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Scene
 from pirrht.topology.homology import Homology
 from pirrht.topology.linking import Linking
-from pirrht.topology.nerve import Loop, loops
-from pirrht.topology.obstacles import Component, components
+from pirrht.topology.nerve import Loop, continued_loops, loops
+from pirrht.topology.obstacles import Component, components, continued
 from pirrht.topology.signature import Signature
 
 
 def obstacles_of(collision: Collision) -> tuple[Component, ...]:
     """Find the topological obstacles of a world, in the plane or in space; those with a marker have turns."""
     return components(collision) if len(collision.world.lower) == 2 else loops(collision)
+
+
+def continued_in(
+    parts: Sequence[Component], before: Sequence[Component], collision: Collision, named: int
+) -> tuple[Component, ...]:
+    """Return the obstacles of a changed world that have turns, in the order of earlier ones, then new ones."""
+    if len(collision.world.lower) == 3:
+        return continued_loops(collision, before, named)
+    return continued(parts, before, collision, named)
 
 
 def signature_of(scene: Scene, encircled: Sequence[Component], named: int | None = None) -> Signature:

@@ -12,6 +12,8 @@ A common point certifies an edge or a triangle. A triangle that is missed costs 
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import xor
 from typing import NamedTuple
 
 import numpy as np
@@ -20,8 +22,9 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from
+from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import borrowing, kernel
-from pirrht.topology.obstacles import Component
+from pirrht.topology.obstacles import Component, numbered
 from pirrht.topology.tuning import TUNING
 
 WORKSPACE = "workspace"  # name of all that lies outside
@@ -105,6 +108,14 @@ def _meet(sets, trios, rounds, points, found):  # type: ignore[no-untyped-def]
         points[t, 0], points[t, 1], points[t, 2] = x, y, z
 
 
+@kernel
+def _excesses(sets, points, out):  # type: ignore[no-untyped-def]
+    """Write by how much points (k, 3) are outside of each set, out (amount, k) [m]."""
+    for i in range(out.shape[0]):
+        for k in range(out.shape[1]):
+            out[i, k] = _excess(sets, i, points[k, 0], points[k, 1], points[k, 2])[0]
+
+
 class Nerve:
     """Sets, edges between two that meet, with a common point each, and triangles of three that meet."""
 
@@ -168,18 +179,19 @@ class Nerve:
             parent[root(i)] = root(j)
         rows = dict[int, int]()  # triangles as sums of edges, by the highest of them
         for a, b, c in self.triangles:
-            mask = _reduced(unit[a] ^ unit[b] ^ unit[c], rows)
-            if mask:
-                rows[mask.bit_length() - 1] = mask
+            _independent(unit[a] ^ unit[b] ^ unit[c], rows)
         place = {bit: k for k, bit in enumerate(bit for bit in range(count) if bit not in rows)}
         left = [_reduced(mask, rows) for mask in unit]
         return [sum(1 << k for bit, k in place.items() if mask >> bit & 1) for mask in left]
 
-    def cycles(self) -> list[list[int]]:
-        """Return the sets along a basis of cycles, of few sets each, and short among those."""
+    def cycles(self, known: Sequence[Sequence[int]] = ()) -> list[list[int]]:
+        """Return the sets along a basis of cycles: of few sets each, then that leave the workspace seldom, then short.
+
+        Known cycles come first, and are left out.
+        """
         parts = self.parts()
         rank = max(map(int.bit_length, parts), default=0)
-        best = dict[int, tuple[int, float, list[int]]]()
+        best = dict[int, tuple[int, int, float, list[int]]]()
         for first in range(self.sets.amount if rank else 0):
             chain, total = self._tree(first, parts)
             for (i, j), e in self.edge_of.items():
@@ -188,16 +200,29 @@ class Nerve:
                 size = len(chain[i]) + len(chain[j]) - 1
                 if kind not in best or size <= best[kind][0]:
                     cycle = [*chain[i], *chain[j][:0:-1]]
-                    known = best.get(kind, (size, np.inf, cycle))
-                    best[kind] = min(known, (size, self._length(cycle), cycle))
+                    shorter = size, *self._order(cycle), cycle
+                    best[kind] = min(best.get(kind, shorter), shorter)
         rows = dict[int, int]()
-        basis = []
-        for kind, (_, _, cycle) in sorted(best.items(), key=lambda item: item[1]):
-            mask = _reduced(kind, rows)
-            if mask:
-                rows[mask.bit_length() - 1] = mask
-                basis.append(cycle)
-        return basis
+        for one in known:
+            _independent(self.kind(one, parts), rows)
+        ordered = sorted(best.items(), key=lambda item: item[1])
+        return [cycle for kind, (*_, cycle) in ordered if _independent(kind, rows)]
+
+    def kind(self, cycle: Sequence[int], parts: list[int]) -> int:
+        """Return the class of a cycle modulo 2, of the parts of edges."""
+        return reduce(xor, (parts[e] for e in self._around(cycle)), 0)
+
+    def around(self, corners: Array) -> list[int]:
+        """Return the sets that hold the sides of a polygon (k, 3) [m], each of which meets the next; [] if none do."""
+        excess = np.empty((self.sets.amount, len(corners)))
+        _excesses(self.sets, np.ascontiguousarray(corners), excess)
+        holds = (excess <= GEOMETRY.rounding) & (np.roll(excess, -1, axis=1) <= GEOMETRY.rounding)
+        if not holds.any(axis=0).all():
+            return []
+        sets = holds.argmax(axis=0).tolist()
+        cycle = [i for k, i in enumerate(sets) if i != sets[k - 1]]
+        near = zip(cycle, [*cycle[1:], *cycle[:1]], strict=True)
+        return cycle if all((min(pair), max(pair)) in self.edge_of for pair in near) else []
 
     def _tree(self, first: int, parts: list[int]) -> tuple[dict[int, list[int]], dict[int, int]]:
         """Return shortest chains from a set to all others, and the parts of classes along them."""
@@ -215,12 +240,17 @@ class Nerve:
 
     def corners(self, cycle: Sequence[int]) -> Array:
         """Return the common points of the sets along a cycle, (k, 3) [m]: sides between them lie in one set each."""
-        around = zip(cycle, [*cycle[1:], cycle[0]], strict=True)
-        return self.points[[self.edge_of[min(pair), max(pair)] for pair in around]]
+        return self.points[self._around(cycle)]
 
-    def _length(self, cycle: Sequence[int]) -> float:
+    def _around(self, cycle: Sequence[int]) -> list[int]:
+        return [self.edge_of[min(pair), max(pair)] for pair in zip(cycle, [*cycle[1:], cycle[0]], strict=True)]
+
+    def _order(self, cycle: Sequence[int]) -> tuple[int, float]:
+        """Return how often a cycle goes from a solid to a half space, and how long its polygon is [m]."""
+        outside = np.array(cycle) >= self.sets.amount - SIDES
         corners = self.corners(cycle)
-        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum())
+        length = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum()
+        return int(np.sum(outside & ~np.roll(outside, 1))), float(length)
 
 
 def _reduced(mask: int, rows: dict[int, int]) -> int:
@@ -234,31 +264,68 @@ def _reduced(mask: int, rows: dict[int, int]) -> int:
     return left
 
 
+def _independent(mask: int, rows: dict[int, int]) -> bool:
+    """Return whether a sum of edges is none of rows, and make what is left of it one of them."""
+    left = _reduced(mask, rows)
+    if left:
+        rows[left.bit_length() - 1] = left
+    return left > 0
+
+
+class _Chains:
+    """The nerve of a world, and its cycles as chains of solids."""
+
+    def __init__(self, collision: Collision) -> None:
+        self.world = collision.world
+        low, high = collision.extents()
+        radius = collision.footprint.radius
+        within = np.all((low - radius <= self.world.upper) & (high + radius >= self.world.lower), axis=1)
+        self.alone = [i for i in np.flatnonzero(within).tolist() if collision.first[i] == i]
+        solids = Solids.of([self.world.obstacles[i] for i in self.alone])
+        self.nerve = Nerve(Sets(solids, radius, self.world.lower, self.world.upper))
+
+    def loop(self, cycle: Sequence[int], corners: Array) -> Loop:
+        """Return a chain by a cycle of sets and its polygon (k, 3) [m]."""
+        M = len(self.alone)
+        members = tuple(sorted(self.alone[i] for i in cycle if i < M))
+        outside = [WORKSPACE] if max(cycle) >= M else []
+        names = (*(self.world.obstacles[i].name for i in members), *outside)
+        return Loop(members=members, names=names, marker=corners[0], joins_border=bool(outside), corners=corners)
+
+    def found(self, known: Sequence[Sequence[int]] = ()) -> list[Loop]:
+        """Return chains that with known cycles make a basis."""
+        cycles = self.nerve.cycles(known)
+        return sorted((self.loop(cycle, self.nerve.corners(cycle)) for cycle in cycles), key=lambda one: one.members)
+
+
 def loops(collision: Collision) -> tuple[Component, ...]:
     """Return the chains that paths in space can link with, as `Loop`, then every solid within reach on its own."""
-    obstacles = collision.world.obstacles
-    low, high = collision.extents()
-    radius = collision.footprint.radius
-    within = np.all((low - radius <= collision.world.upper) & (high + radius >= collision.world.lower), axis=1)
-    alone = [i for i in np.flatnonzero(within).tolist() if collision.first[i] == i]
-    solids = Solids.of([obstacles[i] for i in alone])
-    nerve = Nerve(Sets(solids, radius, collision.world.lower, collision.world.upper))
-    M = len(alone)
-    found = list[Component]()
-    for cycle in nerve.cycles():
-        corners = nerve.corners(cycle)
-        members = sorted(alone[i] for i in cycle if i < M)
-        outside = [WORKSPACE] if max(cycle) >= M else []
-        names = (*(obstacles[i].name for i in members), *outside)
-        found.append(
-            Loop(members=tuple(members), names=names, marker=corners[0], joins_border=bool(outside), corners=corners)
+    chains = _Chains(collision)
+    M = len(chains.alone)
+    rest = (
+        Component(
+            members=(i,), names=(chains.world.obstacles[i].name,), marker=None,
+            joins_border=max(chains.nerve.neighbors[k], default=0) >= M,
         )
-    found.sort(key=lambda part: part.members)
-    edges = [{M + side for side in range(SIDES)} & {*nerve.neighbors[i]} for i in range(M)]
-    return (
-        *found,
-        *(
-            Component(members=(i,), names=(obstacles[i].name,), marker=None, joins_border=bool(edge))
-            for i, edge in zip(alone, edges, strict=True)
-        ),
-    )
+        for k, i in enumerate(chains.alone)
+    )  # fmt: skip
+    return *chains.found(), *rest
+
+
+def continued_loops(collision: Collision, before: Sequence[Component], named: int) -> tuple[Component, ...]:
+    """Return the chains of a changed world in the order of earlier ones, then new ones (`obstacles.continued`).
+
+    An earlier polygon stays while grown solids hold its sides and it is no sum of triangles. Else it is put outside of
+    the workspace, where no path links with it, until a later chain takes its number.
+    """
+    chains = _Chains(collision)
+    parts = chains.nerve.parts()
+    cycles = [chains.nerve.around(old.corners) if isinstance(old, Loop) else [] for old in before]
+    kept = [
+        chains.loop(cycle, old.corners) if isinstance(old, Loop) and cycle and chains.nerve.kind(cycle, parts) else None
+        for old, cycle in zip(before, cycles, strict=True)
+    ]
+    known = [cycle for cycle, part in zip(cycles, kept, strict=True) if part]
+    nowhere = 2.0 * collision.world.upper - collision.world.lower + np.eye(3)
+    gone = Loop(members=(), names=(), marker=nowhere[0], joins_border=False, corners=nowhere)
+    return numbered(before, kept, chains.found(known), gone, named)

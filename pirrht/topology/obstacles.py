@@ -75,12 +75,23 @@ def continued(
 
     gone = Component(members=(), names=(), marker=2.0 * collision.world.upper - collision.world.lower)
     covers = [None if old.marker is None else cover(old.marker) for old in before]
-    new = iter([part for part in parts if part.marker is not None and part not in covers])
-    found = []
-    for old, part in zip(before, covers, strict=True):
-        kept = None if part is None else replace(part, marker=old.marker)
-        found.append(kept or (gone if old.members else next(new, gone)))
-    found += new
+    kept = [
+        None if part is None else replace(part, marker=old.marker) for old, part in zip(before, covers, strict=True)
+    ]
+    new = [part for part in parts if part.marker is not None and part not in covers]
+    return numbered(before, kept, new, gone, named)
+
+
+def numbered(
+    before: Sequence[Component], kept: Sequence[Component | None], new: Sequence[Component], gone: Component, named: int
+) -> tuple[Component, ...]:
+    """Return earlier components that are `kept`, in their order, then new ones, also in the places of what is `gone`.
+
+    The first `named` keep their number even if they are gone.
+    """
+    later = iter(new)
+    found = [part or (gone if old.members else next(later, gone)) for old, part in zip(before, kept, strict=True)]
+    found += later
     while len(found) > named and not found[-1].members:
         found.pop()
     return tuple(found)

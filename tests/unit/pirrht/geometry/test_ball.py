@@ -215,6 +215,9 @@ def test_a_scene_in_space_is_examined_as_one_in_the_plane():
     assert not space.free(np.array([3.0, 3.0, 1.0]))
     assert space.clearance(np.array([3.0, 1.95, 1.0])) == pytest.approx(0.1)
     assert space.passages().count == 0
+    closed = space.updated(window(closed=True))
+    assert closed.homology.M == 1
+    assert closed.homology.name((0,)) == "0"
     assert space.margin_left(space.scene.start) is None
     moved = space.with_task(goal=type(space.scene.goal)(center=np.array([5.0, 1.0, 2.0]), radius=0.2))
     assert moved.homology.goal.tolist() == [5.0, 1.0, 2.0]

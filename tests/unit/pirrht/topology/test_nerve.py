@@ -10,7 +10,7 @@ from spaces import bar, box, framed, in_space, mixed, pillars, solid, window
 from pirrht.geometry.blocks import lattice
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Scene
-from pirrht.topology.nerve import Loop, loops
+from pirrht.topology.nerve import Loop, continued_loops, loops
 
 SPACING = 0.1
 SURE = (4, 6, 8, 15, 17, 27, 43, 49)  # seeds of scenes whose Betti numbers voxels can tell
@@ -80,3 +80,23 @@ def test_sides_of_polygons_stay_inside_of_one_grown_solid_each_or_outside():
 def test_a_frame_loses_its_generator_when_the_ball_no_longer_fits():
     frame = framed("frame", 3.0, (-0.1, 0.1), (1.0, 0.5, 3.0, 2.5), (1.7, 1.2, 2.3, 1.8))
     assert [len(found(in_space(frame, radius=radius))) for radius in (0.2, 0.29, 0.31, 0.4)] == [1, 1, 0, 0]
+
+
+def test_chains_keep_their_numbers_while_their_polygons_stay_inside_of_solids():
+    scene = pillars()
+    before = tuple(found(scene))
+
+    def after(*gone, add=(), since=before) -> list:
+        kept = [o for o in scene.obstacles if o.name not in gone]
+        changed = in_space([*kept, *add])
+        parts = continued_loops(Collision(changed.world, changed.footprint), since, named=2)
+        return [part.names for part in parts]
+
+    names = [part.names for part in before]
+    assert after() == names
+    assert after("pillar 1") == [names[0], (), *names[2:]]
+    assert after("pillar 3", "pillar 2") == names[:2]
+    more = box("pillar 4", (5.0, 3.5, 0.0), (5.2, 3.7, 3.0))
+    assert after("pillar 1", add=[more]) == [names[0], (), *names[2:], ("pillar 4", "workspace")]
+    lost = (before[0], *continued_loops(Collision(bar().world, bar().footprint), before[1:2], named=1)[:1])
+    assert after("pillar 1", add=[more], since=lost)[:2] == [names[0], names[2]]
