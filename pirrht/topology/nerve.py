@@ -290,7 +290,7 @@ class _Chains:
         members = tuple(sorted(self.alone[i] for i in cycle if i < M))
         outside = [WORKSPACE] if max(cycle) >= M else []
         names = (*(self.world.obstacles[i].name for i in members), *outside)
-        return Loop(members=members, names=names, marker=corners[0], joins_border=bool(outside), corners=corners)
+        return Loop(members=members, names=names, marker=corners[0], corners=corners)
 
     def found(self, known: Sequence[Sequence[int]] = ()) -> list[Loop]:
         """Return chains that with known cycles make a basis."""
@@ -301,14 +301,7 @@ class _Chains:
 def loops(collision: Collision) -> tuple[Component, ...]:
     """Return the chains that paths in space can link with, as `Loop`, then every solid within reach on its own."""
     chains = _Chains(collision)
-    M = len(chains.alone)
-    rest = (
-        Component(
-            members=(i,), names=(chains.world.obstacles[i].name,), marker=None,
-            joins_border=max(chains.nerve.neighbors[k], default=0) >= M,
-        )
-        for k, i in enumerate(chains.alone)
-    )  # fmt: skip
+    rest = (Component(members=(i,), names=(chains.world.obstacles[i].name,), marker=None) for i in chains.alone)
     return *chains.found(), *rest
 
 
@@ -327,5 +320,5 @@ def continued_loops(collision: Collision, before: Sequence[Component], named: in
     ]
     known = [cycle for cycle, part in zip(cycles, kept, strict=True) if part]
     nowhere = 2.0 * collision.world.upper - collision.world.lower + np.eye(3)
-    gone = Loop(members=(), names=(), marker=nowhere[0], joins_border=False, corners=nowhere)
+    gone = Loop(members=(), names=(), marker=nowhere[0], corners=nowhere)
     return numbered(before, kept, chains.found(known), gone, named)
