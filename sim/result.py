@@ -30,7 +30,7 @@ def classes_json(references: Sequence[Reference], homology: Signature, names: Se
 def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[str, Any]:
     """Count open passages, and list those on no reference, narrowest first, lengths [m]."""
     passages, collision, unused = tree.passages, tree.space.collision, set(range(tree.passages.count))
-    for reference in references:
+    for reference in references if unused else ():  # in space there are no passages
         unused -= {*np.flatnonzero(passages.crossed(reference.trajectory.points)).tolist()}
     found = [
         {"at": passages.place[k].tolist(), "width": float(passages.width[k]), "between": passages.between(k, collision)}

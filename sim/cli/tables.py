@@ -140,8 +140,8 @@ def fitting_lines(scenario: Scenario) -> str:
         passages = counted(len(given.narrow), "narrow passage")
         lines.append(f"margin {given.margin:.3g} m, and in {passages} less, {least:.2g} m at least")
     if planned.goal is not given.goal:
-        (x, y), free = planned.goal.center, f"{planned.goal.radius:.3g} m around"
-        lines.append(f"the centre of the goal is covered: plans lead to its free part, {free} ({x:.4g}, {y:.4g})")
+        free = f"{planned.goal.radius:.3g} m around {scenario.system.adapter.text(planned.goal.center, 4)}"
+        lines.append(f"the centre of the goal is covered: plans lead to its free part, {free}")
     return "\n".join(lines)
 
 

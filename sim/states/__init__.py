@@ -12,10 +12,7 @@ from sim.states.space import Space
 
 __all__ = ["ADAPTERS", "Component", "Joints", "StateAdapter", "adapter_of", "forms_of"]
 
-ADAPTERS: tuple[type[StateAdapter], ...] = (
-    Plane,
-    Space,
-)  # the first one's names are the default of tables and messages
+ADAPTERS: tuple[type[StateAdapter], ...] = (Plane, Space)  # names of the first are those of tables and messages
 
 
 def adapter_of(states: Sequence[str]) -> StateAdapter:
