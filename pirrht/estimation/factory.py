@@ -179,7 +179,10 @@ class ProposalFactory:
         times = batch.times
         d = self.problem.dynamics
 
-        guidance, drifts = self.guidance, self.climbs or (self.guidance is not None and self.guidance.gated)
+        guidance = self.guidance
+        gated = guidance is not None and guidance.gated
+        drifts = self.climbs or gated
+        pushed = gated or self.world.moving
 
         H = len(batch.proposals)
         T = len(times) - 1
@@ -203,7 +206,7 @@ class ProposalFactory:
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T * FINER, guidance.law_width if guidance else 0)), law_length=np.zeros(H, np.int64),
             classes=homology.table, marks=homology.rays(x, times + batch.time),
-            law_weight=wall_drift.linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
+            law_weight=wall_drift.linear_law_weight(scales.noise, near) if self.pointlike and pushed else 1.0,
         )  # fmt: skip
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(tables, h)

@@ -309,15 +309,16 @@ class DDPGuidance:
         course.states[1] = d.step(x, u, np.zeros(d.m), dt)
 
     def _drift(self, query: Query, states: Array, length: int) -> tuple[Array, Array]:
-        """Evaluate slope and bend of log psi by near walls along a guide (T+1, 2); none past its length."""
+        """Evaluate slope and bend of log psi by near walls along a guide (T+1, n); none past its length."""
         count = length * FINER
         total = (len(query.times) - 1) * FINER
         at = np.arange(count) / FINER
         ends = np.arange(len(query.times))
         places = np.column_stack([np.interp(at, ends, column) for column in self.problem.dynamics.place(states).T])
         times, offset = np.interp(at, ends, query.clock), Scales.of(self.problem, states[0]).wall_offset
-        slopes = np.zeros((total, 2))
-        bends = np.zeros((total, 2, 2))
+        d = places.shape[1]
+        slopes = np.zeros((total, d))
+        bends = np.zeros((total, d, d))
         world = query.setup.world
         along = drift_along(world.static.kernels, world.moving.kernels)
         slopes[:count], bends[:count] = along(query.setup, places, times, offset)

@@ -90,8 +90,8 @@ class DDPGuide:
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
     penalised: float  # cost with that of the clearance [cost]
     valid: bool  # whether it touches nothing and is of its class
-    drift: Array | None = None  # (T FINER, 2) slope of log psi by near walls, of a point among moving obstacles [1/m]
-    bend: Array | None = None  # (T FINER, 2, 2) its derivatives [1/m^2]
+    drift: Array | None = None  # (T FINER, d) slope of log psi by near walls that push on top of its law [1/m]
+    bend: Array | None = None  # (T FINER, d, d) its derivatives [1/m^2]
 
     def log_ratio_to(self, other: DDPGuide) -> float:
         """Return by how much another guide's path is less likely than its own under its own law [nats].

@@ -13,7 +13,7 @@ import numpy as np
 from pirrht.geometry.space import SpaceKernels
 from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels, merging
 from pirrht.jit import vectors
-from pirrht.jit.jit import borrowing, inlined, kernel
+from pirrht.jit.jit import as_tuple, borrowing, inlined, kernel
 from pirrht.proposals.tuning import TUNING
 
 
@@ -123,13 +123,15 @@ def clearance_costs(space: SpaceKernels, numbers: int, moving: MovingKernels | N
 
 
 @cache
-def drift_along(space: SpaceKernels, moving: MovingKernels) -> Any:
-    """Build the kernel (setup, places (k, 2), times (k,), offset) of a point's wall drift along a guide.
+def drift_along(space: SpaceKernels, moving: MovingKernels | None) -> Any:
+    """Build the kernel (setup, places (k, d), times (k,), offset) of a point's wall drift along a guide.
 
-    It returns the slope of log psi (k, 2) [1/m] by near walls of an offset [m], and its derivatives (k, 2, 2) [1/m^2],
+    It returns the slope of log psi (k, d) [1/m] by near walls of an offset [m], and its derivatives (k, d, d) [1/m^2],
     at places [m] and at times [s] on the clock of moving obstacles.
     """
-    watch, near, two_walls, with_walls = moving.watch, moving.walls, space.walls, merging(2)
+    among, d = moving is not None, space.position
+    watch, _, near, *_ = moving or NOTHING_MOVES
+    two_walls, with_walls = space.walls, merging(d)
 
     @kernel
     def drift(setup, places, times, offset):  # type: ignore[no-untyped-def]
@@ -137,22 +139,23 @@ def drift_along(space: SpaceKernels, moving: MovingKernels) -> Any:
         notes = watch(setup.world.moving)
         rows = np.zeros((setup.world.moving.J, WALL))
 
-        slopes = np.zeros((k, 2))
-        bends = np.zeros((k, 2, 2))
+        slopes = np.zeros((k, d))
+        bends = np.zeros((k, d, d))
         within = TUNING.drift_near * offset
 
         for i in range(k):
-            x, y = places[i]
-            count, _ = near(setup.world.moving, notes, x, y, times[i], within, rows)
-            c, n, d, m = with_walls(two_walls(setup.world.static, (x, y)), rows, count, 0.0)
-            for gap, (wx, wy) in ((c, n), (d, m)):
+            walls = two_walls(setup.world.static, as_tuple(places[i], d))
+            if among:
+                count, _ = near(setup.world.moving, notes, places[i, 0], places[i, 1], times[i], within, rows)
+                walls = with_walls(walls, rows, count, 0.0)
+            for gap, away in (walls[:2], walls[2:]):
                 least = max(float(gap), TUNING.drift_gap * offset)
                 push = offset / (least * (least + offset))
                 fall = -push * (1.0 / least + 1.0 / (least + offset))
-                for j, one in ((0, wx), (1, wy)):
-                    slopes[i, j] += push * one
-                    bends[i, j, 0] += fall * one * wx
-                    bends[i, j, 1] += fall * one * wy
+                for j in range(d):
+                    slopes[i, j] += push * away[j]
+                    for e in range(d):
+                        bends[i, j, e] += fall * away[j] * away[e]
         return slopes, bends
 
     return drift

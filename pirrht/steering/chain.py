@@ -294,7 +294,8 @@ def resumed(x: Array, path: Motions, connect: Connect, checker: EdgeChecker, tun
     corners = path.heads.copy()
     count = min(tuning.corners, len(path.heads))
 
-    corners[-1, :2] += tuning.into_goal * (checker.space.scene.goal.center - corners[-1, :2])
+    goal = checker.space.scene.goal.center
+    corners[-1, : len(goal)] += tuning.into_goal * (goal - corners[-1, : len(goal)])
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
     motions = copied(connect(np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]]), corners[to]))
     edges, _ = judge_with(checker.kernels)(checker.around, motions, to == len(corners) - 1, to)

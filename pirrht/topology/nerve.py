@@ -301,8 +301,8 @@ class _Chains:
 def loops(collision: Collision) -> tuple[Component, ...]:
     """Return the chains that paths in space can link with, as `Loop`, then every solid within reach on its own."""
     chains = _Chains(collision)
-    rest = (Component(members=(i,), names=(chains.world.obstacles[i].name,), marker=None) for i in chains.alone)
-    return *chains.found(), *rest
+    names = [one.name for one in chains.world.obstacles]
+    return *chains.found(), *(Component(members=(i,), names=(names[i],), marker=None) for i in chains.alone)
 
 
 def continued_loops(collision: Collision, before: Sequence[Component], named: int) -> tuple[Component, ...]:

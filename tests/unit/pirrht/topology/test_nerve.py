@@ -63,7 +63,6 @@ def test_random_scenes_have_as_many_generators_as_their_voxels(seeds, amount):
 )  # fmt: skip
 def test_generators_go_by_the_names_of_what_paths_link_with(scene, names):
     assert [part.names for part in found(scene)] == names
-    assert all(part.joins_border == ("workspace" in part.names) for part in found(scene))
 
 
 def test_sides_of_polygons_stay_inside_of_one_grown_solid_each_or_outside():
