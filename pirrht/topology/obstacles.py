@@ -24,7 +24,7 @@ class Component:
 
     members: tuple[int, ...]  # indices into scene.obstacles, in file order
     names: tuple[str, ...]  # their names
-    marker: Array | None  # (2,) point that signatures wind around [m]; None: the robot cannot pass at the border
+    marker: Array | None  # (d,) point that signatures wind around [m]; None: there is no way around
 
 
 def components(collision: Collision) -> tuple[Component, ...]:
