@@ -24,6 +24,7 @@ SCENE, PROBLEM, PLANNER, RUN, GRID, *_ = GROUPS
 SEED = 2**63 - 1  # the largest seed
 PLACES = (-1e6, 1e6)  # coordinates of a scene [m]
 RUN_PERIODS = 10_000_000  # control steps of a run at most
+START_FORM = " or ".join(one.start_form for one in ADAPTERS)
 START_HELP = ", or ".join(one.start_help for one in ADAPTERS)
 GOAL_HELP = ", or ".join(one.goal_help for one in ADAPTERS)
 GOAL_FORM, GOAL_COUNT = forms_of("goal_form")
@@ -131,7 +132,7 @@ class SceneOptions:
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
                                         "narrow passages")
-    start: Sequence[float] | None = stated(None, f"start at {START_HELP}", "X",
+    start: Sequence[float] | None = stated(None, f"start at {START_HELP}", START_FORM,
                                            count="+", unset="the scene's")
     goal: Sequence[float] | None = stated(None, GOAL_HELP, GOAL_FORM, count=GOAL_COUNT,
                                           unset="the scene's")

@@ -264,7 +264,8 @@ def state_of(at: list[float], scenario: Scenario) -> Array:
     if not adapter.dimension <= len(at) <= len(whole) or not finite:
         known = f"has {counted(len(at), 'number')}" if finite else f"is {where}"
         few, all_of = adapter.typed(pose[: adapter.dimension]), adapter.typed(whole)
-        raise OptionError(f"--at {known}; it must be {few} or the first few of {all_of}, all finite")
+        more = f" or the first few of {all_of}" if all_of != few else ""
+        raise OptionError(f"--at {known}; it must be {few}{more}, all finite")
     x = np.array([*at, *[0.0] * (len(whole) - len(at))])
     if len(at) <= len(place):
         x = scenario.problem.dynamics.state_of(np.array([*at, *[0.0] * (len(pose) - len(at))]))

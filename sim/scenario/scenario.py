@@ -82,6 +82,8 @@ class Scenario:
         s = self.settings
         if s.method == "optimal" and self.moving and s.predict != "known":
             raise OptionError(f"the optimal law knows how bodies move; leave out --predict {s.predict}")
+        if s.method == "mppi" and s.mppi_terminal != "straight" and self.system.adapter.dimension == 3:
+            raise OptionError("--method mppi knows shortest paths on the ground only; add --mppi-terminal straight")
         check_size(self)
 
     def __repr__(self) -> str:

@@ -28,4 +28,4 @@ def forms_of(what: str) -> tuple[tuple[str, ...] | str, int | str]:
     """Return metavar and count of an option whose numbers adapters name in this attribute; any count if they differ."""
     first, *others = (getattr(one, what) for one in ADAPTERS)
     same = all(len(one) == len(first) for one in others)
-    return (first, len(first)) if same else (" ".join(first), "+")
+    return (first, len(first)) if same else (" or ".join(map(" ".join, (first, *others))), "+")
