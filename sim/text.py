@@ -1,6 +1,7 @@
 """Text for people: numbers with their nouns, lines, tables."""
 
 from collections.abc import Iterable, Sequence
+from os.path import commonprefix
 from difflib import get_close_matches
 
 from pirrht.errors import printable
@@ -15,6 +16,11 @@ def suggestion(word: object, known: Iterable[str]) -> str:
     """A question in brackets for the known word that a word is most like; empty if it is like none."""
     near = get_close_matches(str(word), [*known], 1)
     return f" (did you mean {near[0]}?)" if near else ""
+
+
+def shared(names: Sequence[str]) -> str:
+    """Return the first words that all of several names share; empty if they share none."""
+    return " ".join(commonprefix([name.split() for name in names]))
 
 
 def say(text: str) -> None:

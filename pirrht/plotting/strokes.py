@@ -19,12 +19,12 @@ def interpolated(line: Array, at: Array, places: Array) -> Array:
 
 
 def lengths(line: Array) -> Array:
-    """The length of a polyline (k, 2) up to each of its points, (k,) [m]."""
-    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    """The length of a polyline (k, d) up to each of its points, (k,) [m]."""
+    return np.append(0.0, np.cumsum(np.hypot.reduce(np.diff(line, axis=0), axis=1)))
 
 
 def even(points: Array, count: int) -> Array:
-    """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
+    """A polyline (k, d) cut anew into `count` points at equal distances, (count, d)."""
     along = lengths(points)
     return interpolated(points, along, np.linspace(0.0, along[-1], count))
 

@@ -193,7 +193,7 @@ def plan(arguments: argparse.Namespace) -> int:
     collision = predicted(scenario, tree)
     notice().finish()
     found = plan_json(scenario, tree, references, seconds, collision) | watched
-    print(tables.class_table(references, scenario.homology, scenario.names))
+    print(tables.class_table(references, scenario.homology, scenario.names, scenario.space))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {found['fcl_calls']} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(found["passages"]))
     if scenario.settings.risk is not None:
