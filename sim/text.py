@@ -1,8 +1,8 @@
 """Text for people: numbers with their nouns, lines, tables."""
 
 from collections.abc import Iterable, Sequence
-from os.path import commonprefix
 from difflib import get_close_matches
+from itertools import takewhile
 
 from pirrht.errors import printable
 
@@ -20,7 +20,8 @@ def suggestion(word: object, known: Iterable[str]) -> str:
 
 def shared(names: Sequence[str]) -> str:
     """Return the first words that all of several names share; empty if they share none."""
-    return " ".join(commonprefix([name.split() for name in names]))
+    columns = zip(*(name.split() for name in names), strict=False)
+    return " ".join(words[0] for words in takewhile(lambda words: len({*words}) == 1, columns))
 
 
 def say(text: str) -> None:

@@ -14,33 +14,39 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.plotting.strokes import even
 from pirrht.topology.nerve import WORKSPACE
-from pirrht.topology.obstacles import Component
 from sim.drawing.colors import FEW, LEFT, RIGHT, numbered, telling, title
 from sim.text import shared
 
 POINTS = 200  # of a path that are examined
 STEP = 1e-4  # by which a point is moved to see where a solid is [m]
 STEEP = 0.7  # upward part of the direction away from a solid from which on a path is over or under it
-ONLY = "the only way"
 
 
 def ways_in(space: FreeSpace | None, references: Sequence[Reference], names: Sequence[str]) -> list[str]:
     """Say of each of several paths what it goes through, over, under or past, no two alike; of the plane nothing.
 
-    Those of M loops are named, by `names` (M,), that set it apart from the other paths.
+    Those of M loops are named, by `names` (M,), that set it apart from the other paths, or the nearest solid.
     """
     if space is None or space.scene.dimension != 3:
         return []
     called = numbered(names)
     rivals = [reference.winding for reference in references]
-    texts = list[str]()
-    for reference in references:
-        alone = len({*rivals}) < 2 and len(names) <= FEW
-        chosen = range(len(names)) if alone else telling(reference.winding, rivals)
-        found = [_way(reference, k, space, called[k]) for k in chosen]
-        texts.append(", ".join(dict.fromkeys(found)) or ONLY)
-    twice = {text for text in texts if texts.count(text) > 1}
-    return [f"{t} ({title(r.id)})" if t in twice else t for t, r in zip(texts, references, strict=True)]
+    texts = [_text(one, telling(one.winding, rivals), space, called) for one in references]
+    return [f"{t} ({title(r.id)})" if texts.count(t) > 1 else t for t, r in zip(texts, references, strict=True)]
+
+
+def _text(reference: Reference, chosen: Sequence[int], space: FreeSpace, called: Sequence[str]) -> str:
+    groups: dict[str, list[str]] = {}
+    for k in chosen:
+        how, what = _way(reference, k, space, called[k])
+        groups.setdefault(how, []).append(what)
+    solids = space.scene.obstacles
+    if not groups and solids:
+        nearest, side = _side(reference, range(len(solids)), space)
+        groups[side] = [solids[nearest].name]
+    if len(called) == 2 and groups.keys() == {LEFT, RIGHT}:  # of many it need not lead through the gap
+        return f"between {groups[LEFT][0]} and {groups[RIGHT][0]}"
+    return ", ".join(f"{how} {' and '.join(dict.fromkeys(what))}" for how, what in groups.items()) or "the only way"
 
 
 def through(reference: Reference, k: int, space: FreeSpace) -> int:
@@ -59,31 +65,31 @@ def _spanned(loop: Array, place: Array) -> float:
     return float(np.arctan2(np.cross(a, b) @ c, below).sum() / (2.0 * np.pi))
 
 
-def _way(reference: Reference, k: int, space: FreeSpace, name: str) -> str:
+def _way(reference: Reference, k: int, space: FreeSpace, name: str) -> tuple[str, str]:
+    """Return how a path passes loop k, called by a name, and what of it: an opening, the loop or a solid."""
     part = space.obstacles[k]
     often = abs(through(reference, k, space))
-    named = shared([one for one in part.names if one != WORKSPACE])
-    if often and len(part.members) > 1:
-        around = ["the border" if one == WORKSPACE else one for one in part.names]
-        more = f" and {len(around) - FEW} more" if len(around) > FEW else ""
-        opening = f"in {name}" if named else f"between {', '.join(around[:FEW])}{more}"
-        return f"through the opening {opening}" + (f" {often} times" if often > 1 else "")
-    solid, side = _side(reference, part, space)
-    return f"{side} {name if named or len(part.members) == 1 else space.scene.obstacles[solid].name}"
+    around = [one for one in part.names if one != WORKSPACE]
+    named = len(around) == 1 or bool(shared(around))
+    if often and len(around) > 1:
+        around += ["the border"] * (len(around) < len(part.names))
+        *first, last = around if len(around) <= FEW else [*around[:FEW], f"{len(around) - FEW} more"]
+        how = "through the opening" if often == 1 else f"{often} times through the opening"
+        return how, f"in {name}" if named else f"between {', '.join(first)} and {last}"
+    solid, side = _side(reference, part.members, space)
+    return side, name if named else space.scene.obstacles[solid].name
 
 
-def _side(reference: Reference, part: Component, space: FreeSpace) -> tuple[int, str]:
-    """Return the solid of a loop that a path comes nearest to, and on which side of it the path is there."""
+def _side(reference: Reference, members: Sequence[int], space: FreeSpace) -> tuple[int, str]:
+    """Return the solid that a path comes nearest to, and on which side of it the path is there."""
     line = even(reference.trajectory.points, POINTS)
-    gaps = np.array([space.collision.obstacle_distance(i, line) for i in part.members])
+    gaps = np.array([space.collision.obstacle_distance(i, line) for i in members])
     row, at = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
-    solid = part.members[int(row)]
+    solid = members[int(row)]
     moved = line[at] + STEP * np.vstack([np.eye(3), -np.eye(3)])
     gap = space.collision.obstacle_distance(solid, moved)
     away = gap[:3] - gap[3:]
-    away /= max(float(np.linalg.norm(away)), 1e-12)
-    if abs(away[2]) >= STEEP:
+    if abs(away[2]) >= STEEP * np.linalg.norm(away):
         return solid, "over" if away[2] > 0.0 else "under"
     ahead = np.gradient(line, axis=0)[at]
     return solid, LEFT if ahead[0] * away[1] - ahead[1] * away[0] > 0.0 else RIGHT
-

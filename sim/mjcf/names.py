@@ -14,7 +14,7 @@ SPARE = "a wall"  # name of a solid of the border that has none of its own
 
 
 def names_of(loaded: Loaded, space: FreeSpace) -> tuple[str, ...]:
-    """Name each topological obstacle that paths can turn about: by words that solids of a loop share, or by its solid."""
+    """Name each topological obstacle that paths can turn about: by words that its solids share, or by one of them."""
     solids = names_of_solids(loaded, space.obstacles)
     places = np.array([obstacle.position[: space.scene.dimension] for obstacle in space.scene.obstacles])
     pairs = zip(space.obstacles, space.homology.markers, strict=True)
