@@ -63,16 +63,17 @@ class Pictures:
             at_most(r.trajectory.points[:, : subject.space.scene.dimension], REFERENCE_POINTS) for r in plan.references
         ]
         heaviest = sorted(plan.ids, key=lambda n: -weights.get(n, 0.0))
-        labels = {name: title(name) for name in plan.ids[:LIFTED]}
+        words, grid = words_of(plan, subject.path_integral, subject.names), subject.grid
+        called = words if subject.in_space else {name: title(name) for name in plan.ids}
+        labels = {name: called[name] for name in plan.ids[:LIFTED]}
         if plan.estimate is not None:
             heavy = [name for name in heaviest if weights.get(name, 0.0) >= NAMED]
-            labels = {name: f"{title(name)}   {share(weights[name])}" for name in heavy}
+            labels = {name: f"{called[name]}   {share(weights[name])}" for name in heavy}
         self._sizes = [weights.get(name, 0.0) ** 0.5 for name in plan.ids]
         self._references(plan, lines)
         self._label("/world/names", labels, plan, [even(line, LIFTED_POINTS) for line in lines])
         self._means(plan, [name for name in heaviest if weights.get(name, 0.0) >= HEAVY][:MEANS])
         fans = self._samples(plan)
-        words, grid = words_of(plan, subject.path_integral, subject.names), subject.grid
         if grid is not None and grid.moves:
             self._log(VALUE, on_floor(grid, subject.space, time))
         exact = None if grid is None else shares_of(grid, plan, time)

@@ -31,9 +31,11 @@ Grey ones hit an obstacle, left the workspace or ran out of time.
 
 **Yellow line**: the path driven. Plans and samples are drawn {hz:g} times a second.
 
-A class such as `0,-1` counts whole turns around obstacles 1, 2, ... against the straight
-line to the goal, counter-clockwise positive; with many obstacles `+5 -12` names those with a turn.
+A class such as `0,-1` counts {turns} 1, 2, ... against the straight
+line to the goal{positive}; with many obstacles `+5 -12` names those with a turn.
 """
+IN_PLANE = {"turns": "whole turns around obstacles", "positive": ", counter-clockwise positive"}
+IN_SPACE = {"turns": "how often a path links with loops of obstacles", "positive": ""}
 OPTIMAL = """
 **Green arrow**: the optimal control, solved for on a grid. **Floor**: the exact value, from pale at the goal to dark
 where it is great, of a robot with a heading that of the best one. In the table *exact* is each class' share of psi.
@@ -158,7 +160,8 @@ def _room(scene: Scene, log: Log) -> None:
     floor = {"centers": [(*middle[:2], bottom - 0.012)], "half_sizes": [(*half[:2], 0.01)]}
     log("/world/scene/floor", rr.Boxes3D(**floor, colors=[FLOOR], fill_mode="solid"))
     if half[2]:
-        log("/world/scene/border", rr.Boxes3D(centers=[middle], half_sizes=[half], radii=0.006, colors=[BORDER]))
+        frame = {"centers": [middle], "half_sizes": [half]}
+        log("/world/scene/border", rr.Boxes3D(**frame, radii=0.006, colors=[BORDER], fill_mode="majorwireframe"))
         ball = {"centers": [scene.goal.center], "half_sizes": [[radius] * 3]}
         log("/world/scene/goal", rr.Ellipsoids3D(**ball, colors=[(*GOAL, 150)], fill_mode="solid"))
     else:
@@ -182,7 +185,8 @@ def _from_above(scene: Scene, log: Log) -> None:
 
 def _texts(subject: Subject, log: Log) -> None:
     """Log what lines and colours mean, the settings of the run, and what the numbers on the map stand for."""
-    about = LEGEND.format(hz=subject.look.hz) + OPTIMAL * subject.look.truth + MOTIONS * subject.moves
+    classes = IN_SPACE if subject.in_space else IN_PLANE
+    about = LEGEND.format(hz=subject.look.hz, **classes) + OPTIMAL * subject.look.truth + MOTIONS * subject.moves
     settings = properties(subject.settings).items()
     rows = [f"| {name} | {f'{value:g}' if isinstance(value, float) else value} |" for name, value in settings]
     moving = " *Lilac*: moving obstacles." * subject.moves
@@ -275,7 +279,7 @@ def _drive(subject: Subject) -> rrb.Container:
     tags = [f"{entity(MOVERS, mover.name)}/name" for mover in subject.space.scene.movers]
     eye, target = subject.loaded.overview
     orbit = rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0))
-    whole = ("Drag to look from elsewhere", orbit) if subject.in_space else ("From above", _tracking(ABOVE))
+    whole = ("Overview: drag to turn it", orbit) if subject.in_space else ("From above", _tracking(ABOVE))
     views = [
         _space(name, ["$origin/**", *(f"- {path}" for path in without)], eye, ["/world/path"])
         for name, eye, without in (
