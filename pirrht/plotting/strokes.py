@@ -57,8 +57,8 @@ def rings(footprint: Footprint, poses: Array) -> Array:
     return np.concatenate([found, found[:, :1]], axis=1)
 
 
-def outline(obstacle: Obstacle) -> Array:
-    """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
+def outline(obstacle: Obstacle, seen: tuple[int, int] = (0, 1)) -> Array:
+    """Return the corners (k, 2) of an obstacle's convex outline as two axes show it, counterclockwise [m]."""
     size, up = obstacle.size, np.array([0.0, 0.0, obstacle.size[1]])
     angle = np.linspace(0, 2 * np.pi, TUNING.corners, endpoint=False)
     latitude = np.linspace(-np.pi / 2, np.pi / 2, TUNING.corners // 2 + 1)
@@ -72,5 +72,5 @@ def outline(obstacle: Obstacle) -> Array:
         Kind.SPHERE: ball * size[0],
         Kind.MESH: obstacle.vertices,
     }
-    seen = (points[obstacle.kind] @ obstacle.rotation.T + obstacle.position)[:, :2]
-    return np.asarray(seen[ConvexHull(seen).vertices])
+    corners = (points[obstacle.kind] @ obstacle.rotation.T + obstacle.position)[:, list(seen)]
+    return np.asarray(corners[ConvexHull(corners).vertices])
