@@ -28,9 +28,13 @@ DAILY = {  # options that `--help` of a command with a scene lists
 *_, RUN, GRID, RECORDING, FILES = GROUPS
 PLANE = ADAPTERS[0]
 IMPORTED: dict[str, dict[str, Any]] = {  # numbers of imported scenes, which are those of robots on the ground
-    "start": {"text": f"start at {PLANE.start_help}", "metavar": PLANE.start_form},
-    "goal": {"text": PLANE.goal_help, "metavar": PLANE.goal_form, "count": len(PLANE.goal_form)},
-    "workspace": {"metavar": PLANE.border_form, "count": len(PLANE.border_form)},
+    "start": {"text": " ".join(PLANE.start_form)},
+    "goal": {"text": "disc of the goal", "metavar": PLANE.goal_form, "count": len(PLANE.goal_form)},
+    "workspace": {
+        "text": "border of the robot's centre",
+        "metavar": PLANE.border_form,
+        "count": len(PLANE.border_form),
+    },
 }
 
 

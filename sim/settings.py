@@ -14,7 +14,7 @@ import numpy as np
 from pirrht.control.settings import BETWEEN, METHODS, TREELESS
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
-from sim.states import ADAPTERS, forms_of
+from sim.states import forms_of
 from sim.text import suggestion
 
 DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
@@ -24,11 +24,9 @@ SCENE, PROBLEM, PLANNER, RUN, GRID, *_ = GROUPS
 SEED = 2**63 - 1  # the largest seed
 PLACES = (-1e6, 1e6)  # coordinates of a scene [m]
 RUN_PERIODS = 10_000_000  # control steps of a run at most
-START_FORM = " or ".join(one.start_form for one in ADAPTERS)
-START_HELP = ", or ".join(one.start_help for one in ADAPTERS)
-GOAL_HELP = ", or ".join(one.goal_help for one in ADAPTERS)
-GOAL_FORM, GOAL_COUNT = forms_of("goal_form")
-BORDER_FORM, BORDER_COUNT = forms_of("border_form")
+START_FORM, STARTS = forms_of("start_form")
+GOAL_FORM, GOALS = forms_of("goal_form")
+BORDER_FORM, BORDERS = forms_of("border_form")
 _KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": bool, "Sequence[float]": float}
 
 
@@ -121,7 +119,7 @@ class SceneOptions:
     """Choices of scene, robot and task; None where the scene decides. OptionError: a value is out of its bounds."""
 
     # fmt: off
-    robot: Any = stated(None, "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", "NAME",
+    robot: Any = stated(None, "puck, unicycle, diffdrive, hover, rover, car, ball, drone or an MJCF file", "NAME",
                         unset="the scene's")
     system: Any = stated(None,
                          "a `sim.systems.System`, or a function that returns one, from a module here or installed",
@@ -132,12 +130,10 @@ class SceneOptions:
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
                                         "narrow passages")
-    start: Sequence[float] | None = stated(None, f"start at {START_HELP}", START_FORM,
-                                           count="+", unset="the scene's")
-    goal: Sequence[float] | None = stated(None, GOAL_HELP, GOAL_FORM, count=GOAL_COUNT,
-                                          unset="the scene's")
-    workspace: Sequence[float] | None = stated(None, "border of the robot's centre", BORDER_FORM, PLACES,
-                                               count=BORDER_COUNT, unset="the scene's site or floor")
+    start: Sequence[float] | None = stated(None, STARTS, START_FORM, count="+", unset="the scene's")
+    goal: Sequence[float] | None = stated(None, GOALS, GOAL_FORM, count="+", unset="the scene's")
+    workspace: Sequence[float] | None = stated(None, f"border of the robot's centre: {BORDERS}", BORDER_FORM, PLACES,
+                                               count="+", unset="the scene's site or floor")
     freeze: bool | None = stated(None, "weld bodies with joints at keyframe or default pose, and drop actuators")
     without: Sequence[str] | None = stated(None, "leave out bodies and what refers to them", "BODY", count="+")
     preset: str | None = stated(None, "paper, fast or accurate", "NAME", group=PLANNER)
@@ -196,8 +192,8 @@ class Settings:
     plant: str = one_of(("mujoco", "sde"), "simulate in MuJoCo (mujoco), or by the equation alone (sde)",
                         metavar="NAME")
     max_time: float = stated(30.0, "simulated time after which a run ends", "S", (1e-3, 86_400.0))
-    real_time: bool = stated(False, "run against the clock, with as many classes and samples as there is time for; "
-                             "results differ from run to run", group=RUN, commands=("run",))
+    real_time: bool = stated(False, "run against the clock; results differ from run to run", group=RUN,
+                             commands=("run",))
     grow: int | None = stated(None, "vertices that the tree gains between two plans; in real time at most", "N",
                               (0, 10_000), unset="0", group=RUN, commands=("run", "play"))
     plan_seed: int | None = stated(None, "seed of trees", "N", (0, SEED), default=0, group=GRID, commands=("sweep",))

@@ -23,16 +23,20 @@ STEEP = 0.7  # upward part of the direction away from a solid from which on a pa
 
 
 def ways_in(space: FreeSpace | None, references: Sequence[Reference], names: Sequence[str]) -> list[str]:
-    """Say of each of several paths what it goes through, over, under or past, no two alike; of the plane nothing.
+    """Say of each of several paths what it goes through, over, under or past; of the plane nothing.
 
-    Those of M loops are named, by `names` (M,), that set it apart from the other paths, or the nearest solid.
+    No two classes are called alike. Those of M loops are named, by `names` (M,), that set it apart from the other paths, or the nearest solid.
     """
     if space is None or space.scene.dimension != 3:
         return []
     called = numbered(names)
     rivals = [reference.winding for reference in references]
     texts = [_text(one, telling(one.winding, rivals), space, called) for one in references]
-    return [f"{t} ({title(r.id)})" if texts.count(t) > 1 else t for t, r in zip(texts, references, strict=True)]
+    owners = dict[str, set[str]]()
+    for text, one in zip(texts, references, strict=True):
+        owners.setdefault(text, set()).add(one.id)
+    pairs = zip(texts, references, strict=True)
+    return [text if len(owners[text]) == 1 else f"{text} ({title(one.id)})" for text, one in pairs]
 
 
 def _text(reference: Reference, chosen: Sequence[int], space: FreeSpace, called: Sequence[str]) -> str:

@@ -65,11 +65,12 @@ def read_workspace(
     They are as given, else of the site `workspace`, else of the first floor plane, which bounds no height.
     """
     ends = " ".join(f"{axis}0 {axis}1" for axis in "XYZ"[:dimension])
+    order = " and ".join(f"{axis}0 < {axis}1" for axis in "xyz"[:dimension])
     if given is not None:
         bounds = np.array(given, dtype=float)
         numbers = bounds.shape == (2 * dimension,) and np.all(np.abs(bounds) <= FARTHEST)
         if not (numbers and np.all(bounds[::2] < bounds[1::2])):
-            raise SceneError(f"the workspace {bounds.tolist()} is no box; give {ends}, the lesser number of each first")
+            raise SceneError(f"the workspace {bounds.tolist()} is no box; give {ends} with {order}")
         return bounds[::2], bounds[1::2]
     site = site_of(model, "workspace")
     if site >= 0:

@@ -24,8 +24,7 @@ def adapter_of(states: Sequence[str]) -> StateAdapter:
     return kind(states)
 
 
-def forms_of(what: str) -> tuple[tuple[str, ...] | str, int | str]:
-    """Return metavar and count of an option whose numbers adapters name in this attribute; any count if they differ."""
-    first, *others = (getattr(one, what) for one in ADAPTERS)
-    same = all(len(one) == len(first) for one in others)
-    return (first, len(first)) if same else (" or ".join(map(" ".join, (first, *others))), "+")
+def forms_of(what: str) -> tuple[str, str]:
+    """Return the metavar of an option whose numbers adapters name in this attribute, and all of their forms."""
+    forms = [getattr(one, what) for one in ADAPTERS]
+    return " ".join((*forms[0][:2], "...")), f"{', or '.join(map(' '.join, forms))} in space"

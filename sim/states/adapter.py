@@ -64,9 +64,7 @@ class StateAdapter(ABC):
     speeds: ClassVar[tuple[str, ...]]  # names of speeds of the body ahead [m/s]
     start_counts: ClassVar[tuple[int, ...]]  # how many numbers a start has, least first
     start_words: ClassVar[str]  # what a start must be, for messages
-    start_form: ClassVar[str]  # as it is typed
-    start_help: ClassVar[str]  # with units, for the help
-    goal_help: ClassVar[str]
+    start_form: ClassVar[tuple[str, ...]]  # numbers of a start, those in brackets of some
     goal_form: ClassVar[tuple[str, ...]]  # numbers of a goal
     border_form: ClassVar[tuple[str, ...]]  # numbers of a workspace, least and greatest by axis
 

@@ -35,9 +35,7 @@ class Plane(StateAdapter):
     speeds = ("speed",)
     start_counts = (2, 3)
     start_words = "X Y, and TH of a robot with a heading"
-    start_form = "X Y [TH]"
-    start_help = "X Y [m], and TH [rad] of a robot with a heading"
-    goal_help = "disc around X Y with radius R [m]"
+    start_form = ("X", "Y", "[TH]")
     goal_form = ("X", "Y", "R")
     border_form = ("X0", "X1", "Y0", "Y1")
 

@@ -31,9 +31,7 @@ class Space(StateAdapter):
     speeds = ()
     start_counts = (3,)
     start_words = "X Y Z"
-    start_form = "X Y Z"
-    start_help = "X Y Z [m]"
-    goal_help = "ball around X Y Z with radius R [m]"
+    start_form = ("X", "Y", "Z")
     goal_form = ("X", "Y", "Z", "R")
     border_form = ("X0", "X1", "Y0", "Y1", "Z0", "Z1")
 
