@@ -32,8 +32,8 @@ IMPORTED: dict[str, dict[str, Any]] = {  # numbers of imported scenes, which are
     "goal": {"text": "disc of the goal", "metavar": PLANE.goal_form, "count": len(PLANE.goal_form)},
     "workspace": {
         "text": "border of the robot's centre",
-        "metavar": PLANE.border_form,
-        "count": len(PLANE.border_form),
+        "metavar": PLANE.workspace_form,
+        "count": len(PLANE.workspace_form),
     },
 }
 

@@ -24,9 +24,7 @@ SCENE, PROBLEM, PLANNER, RUN, GRID, *_ = GROUPS
 SEED = 2**63 - 1  # the largest seed
 PLACES = (-1e6, 1e6)  # coordinates of a scene [m]
 RUN_PERIODS = 10_000_000  # control steps of a run at most
-START_FORM, STARTS = forms_of("start_form")
-GOAL_FORM, GOALS = forms_of("goal_form")
-BORDER_FORM, BORDERS = forms_of("border_form")
+FORMS = {name: forms_of(f"{name}_form") for name in ("start", "goal", "workspace")}
 _KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": bool, "Sequence[float]": float}
 
 
@@ -97,6 +95,12 @@ def stated(value: Any, text: str, metavar: Any = "", bounds: tuple[float, float]
     return field(default=value, metadata={"text": text, "metavar": metavar, "bounds": bounds, **more})
 
 
+def placed(name: str, unset: str, text: str, **more: Any) -> Any:
+    """Field of numbers of one of several forms."""
+    forms = FORMS[name]
+    return stated(None, text + forms.text, forms.metavar, count="+", unset=unset, **more)
+
+
 def one_of(choices: tuple[str, ...], text: str, metavar: str = "RULE", **more: Any) -> Any:
     """A field whose default is the first of some choices."""
     return stated(choices[0], text, metavar, choices=choices, **more)
@@ -130,10 +134,10 @@ class SceneOptions:
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
                                         "narrow passages")
-    start: Sequence[float] | None = stated(None, STARTS, START_FORM, count="+", unset="the scene's")
-    goal: Sequence[float] | None = stated(None, GOALS, GOAL_FORM, count="+", unset="the scene's")
-    workspace: Sequence[float] | None = stated(None, f"border of the robot's centre: {BORDERS}", BORDER_FORM, PLACES,
-                                               count="+", unset="the scene's site or floor")
+    start: Sequence[float] | None = placed("start", "the scene's", "")
+    goal: Sequence[float] | None = placed("goal", "the scene's", "")
+    workspace: Sequence[float] | None = placed("workspace", "the scene's site or floor",
+                                               "border of the robot's centre: ", bounds=PLACES)
     freeze: bool | None = stated(None, "weld bodies with joints at keyframe or default pose, and drop actuators")
     without: Sequence[str] | None = stated(None, "leave out bodies and what refers to them", "BODY", count="+")
     preset: str | None = stated(None, "paper, fast or accurate", "NAME", group=PLANNER)

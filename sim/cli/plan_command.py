@@ -31,7 +31,7 @@ from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import deviation
 from sim.scenario.risk import predicted
-from sim.states import ADAPTERS
+from sim.settings import FORMS
 from sim.text import counted, say
 
 SHARE_PATHS = 2000  # optimal paths that tell the exact share of each class
@@ -110,21 +110,18 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
     """Read the scene and the task of a command line, and put into `arguments` the scene's numbers for the rest."""
     given = vars(arguments)
     command = arguments.command
-    numbers = len(arguments.start or ADAPTERS[0].pose[: ADAPTERS[0].dimension])
-
-    if not any(numbers in one.start_counts for one in ADAPTERS):
-        words = "; or ".join(one.start_words for one in ADAPTERS)
-        raise OptionError(
-            f"--start has {counted(numbers, 'number')}; it must be {words}; runs begin at rest (`pirrht estimate --at` "
-            "takes any state)"
-        )
+    for name, forms in FORMS.items():
+        count = len(given[name] or ())
+        if count and count not in forms.counts:
+            more = "; runs begin at rest (`pirrht estimate --at` takes any state)" if name == "start" else ""
+            raise OptionError(f"--{name} has {counted(count, 'number')}; it must be {forms.text}{more}")
     driven = command not in ("plan", "estimate")
     of_run = options.of_run(command, given)
     notice().run = arguments.scene, of_run
     scenario = prepare(arguments.scene, given=of_run, loose=loose, driven=driven)
     adapter = scenario.system.adapter
-    if arguments.start and numbers > len(adapter.places):
-        spare = " ".join(adapter.pose[len(adapter.places) : numbers])
+    if arguments.start and len(arguments.start) > len(adapter.places):
+        spare = " ".join(adapter.pose[len(adapter.places) : len(arguments.start)])
         raise OptionError(
             f"--start has a {spare}, and {scenario.loaded.robot} has none; give {adapter.typed(adapter.places)}"
         )

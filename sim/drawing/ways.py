@@ -25,7 +25,8 @@ STEEP = 0.7  # upward part of the direction away from a solid from which on a pa
 def ways_in(space: FreeSpace | None, references: Sequence[Reference], names: Sequence[str]) -> list[str]:
     """Say of each of several paths what it goes through, over, under or past; of the plane nothing.
 
-    No two classes are called alike. Those of M loops are named, by `names` (M,), that set it apart from the other paths, or the nearest solid.
+    No two classes are called alike. Those of M loops are named, by `names` (M,), that set a path apart from the others,
+    or else the nearest solid.
     """
     if space is None or space.scene.dimension != 3:
         return []

@@ -256,6 +256,7 @@ class Scenario:
             solver_for(self.problem, self.space, dt)
         except OptionError:
             where, who = (" among moving bodies", "puck") if self.moving else ("", "puck or unicycle")
+            who = "ball" if self.system.adapter.dimension == 3 else who
             raise OptionError(
                 f"no grid solves the problem of {self.system.called}{where}, so its exact value and optimal control "
                 f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"

@@ -5,6 +5,7 @@ member is a new file and a line in `ADAPTERS`.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from sim.states.adapter import Component, Joints, StateAdapter
 from sim.states.plane import Plane
@@ -24,7 +25,16 @@ def adapter_of(states: Sequence[str]) -> StateAdapter:
     return kind(states)
 
 
-def forms_of(what: str) -> tuple[str, str]:
-    """Return the metavar of an option whose numbers adapters name in this attribute, and all of their forms."""
+class Forms(NamedTuple):
+    """Forms of an option whose numbers depend on the kind of robot."""
+
+    metavar: str
+    text: str  # all of them
+    counts: frozenset[int]  # of numbers
+
+
+def forms_of(what: str) -> Forms:
+    """Return the forms that adapters name in this attribute."""
     forms = [getattr(one, what) for one in ADAPTERS]
-    return " ".join((*forms[0][:2], "...")), f"{', or '.join(map(' '.join, forms))} in space"
+    counts = {len(form) for form in forms} | {sum("[" not in one for one in form) for form in forms}
+    return Forms(" ".join((*forms[0][:2], "...")), f"{', or '.join(map(' '.join, forms))} in space", frozenset(counts))

@@ -68,7 +68,7 @@ def test_a_robot_in_space_has_a_ball_as_goal_and_a_box_as_workspace():
     assert (goal.center.tolist(), goal.radius) == ([1.0, 2.0, 0.5], 0.3)
     assert (adapter.unfit(model, "ball"), adapter.rest(model).tolist()) == ("", [0.0, 0.0, 0.0])
     assert adapter.borders_text(*bounds) == "x -4 to 4, y -5 to 5 and z 0 to 4"
-    assert states.forms_of("goal_form") == ("X Y ...", "X Y R, or X Y Z R in space")
+    assert states.forms_of("goal_form") == ("X Y ...", "X Y R, or X Y Z R in space", {3, 4})
     with pytest.raises(ValueError, match='the first two must be "x" and "y", or the first three must be "x", "y" and'):
         adapter_of(("y", "x"))
 
