@@ -2,7 +2,7 @@
 
 A loop of solids that leaves an opening is gone through or not: a path goes through as often as it pierces the fan of
 triangles over the loop's polygon, forwards less backwards, which its class decides. Any other loop, and one that is not
-gone through, is passed on the side on which the path is where it comes nearest to it.
+gone through, is passed on a side, as seen along the straight way from the start to the goal.
 """
 
 from collections.abc import Sequence
@@ -13,13 +13,12 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.plotting.strokes import even
-from pirrht.topology.nerve import WORKSPACE
+from pirrht.topology.nerve import WORKSPACE, Loop
 from sim.drawing.colors import FEW, LEFT, RIGHT, numbered, telling, title
 from sim.text import shared
 
 POINTS = 200  # of a path that are examined
 STEP = 1e-4  # by which a point is moved to see where a solid is [m]
-STEEP = 0.7  # upward part of the direction away from a solid from which on a path is over or under it
 
 
 def ways_in(space: FreeSpace | None, references: Sequence[Reference], names: Sequence[str]) -> list[str]:
@@ -73,6 +72,7 @@ def _spanned(loop: Array, place: Array) -> float:
 def _way(reference: Reference, k: int, space: FreeSpace, name: str) -> tuple[str, str]:
     """Return how a path passes loop k, called by a name, and what of it: an opening, the loop or a solid."""
     part = space.obstacles[k]
+    assert isinstance(part, Loop)
     often = abs(through(reference, k, space))
     around = [one for one in part.names if one != WORKSPACE]
     named = len(around) == 1 or bool(shared(around))
@@ -81,20 +81,33 @@ def _way(reference: Reference, k: int, space: FreeSpace, name: str) -> tuple[str
         *first, last = around if len(around) <= FEW else [*around[:FEW], f"{len(around) - FEW} more"]
         how = "through the opening" if often == 1 else f"{often} times through the opening"
         return how, f"in {name}" if named else f"between {', '.join(first)} and {last}"
+    if len(part.members) == 1 and len(part.names) > 1:  # the fan is between it and the border, on one side of it
+        fan = part.corners.mean(axis=0) - space.scene.obstacles[part.members[0]].position
+        return _called(fan if often else -fan, reference.trajectory.points), name
     solid, side = _side(reference, part.members, space)
     return side, name if named else space.scene.obstacles[solid].name
 
 
 def _side(reference: Reference, members: Sequence[int], space: FreeSpace) -> tuple[int, str]:
-    """Return the solid that a path comes nearest to, and on which side of it the path is there."""
+    """Return the solid that a path passes closely, and on which side of the straight way it is where it is abreast."""
     line = even(reference.trajectory.points, POINTS)
     gaps = np.array([space.collision.obstacle_distance(i, line) for i in members])
-    row, at = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+    row, _ = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
     solid = members[int(row)]
-    moved = line[at] + STEP * np.vstack([np.eye(3), -np.eye(3)])
-    gap = space.collision.obstacle_distance(solid, moved)
-    away = gap[:3] - gap[3:]
-    if abs(away[2]) >= STEEP * np.linalg.norm(away):
-        return solid, "over" if away[2] > 0.0 else "under"
-    ahead = np.gradient(line, axis=0)[at]
-    return solid, LEFT if ahead[0] * away[1] - ahead[1] * away[0] > 0.0 else RIGHT
+    near = line[gaps[row] <= gaps[row].min() + space.scene.robot_radius]
+    moved = near[:, None] + STEP * np.vstack([np.eye(3), -np.eye(3)])
+    gap = space.collision.obstacle_distance(solid, moved.reshape(-1, 3)).reshape(-1, 6)
+    away = gap[:, :3] - gap[:, 3:]
+
+    return solid, _called(away, line)
+
+
+def _called(directions: Array, line: Array) -> str:
+    """Return what the side is called that the most sideward of directions (..., 3) show, as seen along a path."""
+    ahead = line[-1] - line[0]
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    aside = directions - (directions @ ahead)[..., None] * ahead
+    x, y, z = aside.reshape(-1, 3)[np.argmax(np.linalg.norm(aside, axis=-1))]
+    if abs(z) >= np.hypot(x, y):
+        return "over" if z > 0.0 else "under"
+    return LEFT if ahead[0] * y - ahead[1] * x > 0.0 else RIGHT

@@ -37,17 +37,22 @@ DOOR = [
     box("right", (2.9, 0, 0), (3.1, 1.6, 2)),
     box("beam", (2.9, 0, 1.5), (3.1, 4, 2)),
 ]
+RIM = framed("rim", 3.0, (-0.1, 0.1), (1.0, 0.2, 3.0, 2.2), (1.6, 0.6, 2.4, 1.4))
 CRATE = [box("crate", (2.8, 1.8, 0.8), (3.2, 2.2, 1.2))]
 
 
 @pytest.mark.parametrize(
     ("scene", "ways"),
     [
+        (window(), {(): "through the opening in wall", ((2.65, 2, 1), (2.65, 2, 2.45), (3.4, 2, 2.6)): "over wall"}),
         (window(), {(): "through the opening in wall", ((3.0, 2.0, 2.6),): "over wall"}),
-        (in_space(framed("rim", 3.0, (-0.1, 0.1), (1.0, 0.2, 3.0, 2.2), (1.6, 0.6, 2.4, 1.4))),
+        (in_space(RIM),
          {(): "through the opening in rim", ((3.0, 3.5, 1.0),): "left of rim"}),
-        (in_space(framed("rim", 3.0, (-0.1, 0.1), (1.0, 0.2, 3.0, 2.2), (1.6, 0.6, 2.4, 1.4))),
-         {(): "through the opening in rim", ((3.5, 2, 1), (3, 3.5, 1), (2.5, 2, 1)): "2 times through the opening in rim"}),
+        (in_space(RIM),
+         {(): "through the opening in rim",
+          ((3.5, 2, 1), (3, 3.5, 1), (2.5, 2, 1)): "2 times through the opening in rim"}),
+        (in_space(POSTS), {((3, 0.6, 1), (3.5, 2, 1), (2.5, 2, 1), (3, 3.5, 1)): "right of post a",
+                           ((3, 3.5, 1),): "left of post a"}),
         (bar(), {(): "under bar", ((3.0, 2.0, 2.5),): "over bar"}),
         (in_space(POSTS), {(): "between post a and post b", ((3, 3.5, 1),): "left of post b",
                            ((3, 0.6, 1),): "right of post a"}),
