@@ -41,6 +41,7 @@ def class_table(
     rows = [{"class": title(r.id), "cost": f"{r.cost:.4f}", "length [m]": f"{r.length:.3f}"} for r in references]
     bodies = passing(references, homology, names) if homology is not None and homology.J else [[]] * len(rows)
     told = ways_in(space, references, names)
+    told = [way.ljust(max(map(len, told))) for way in told]
     for k, (row, r, words) in enumerate(zip(rows, references, bodies, strict=True)):
         if homology is not None and homology.J:
             row["bodies"] = ", ".join(words) or "-"

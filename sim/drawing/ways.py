@@ -50,7 +50,12 @@ def _text(reference: Reference, chosen: Sequence[int], space: FreeSpace, called:
         groups[side] = [solids[nearest].name]
     if len(called) == 2 and groups.keys() == {LEFT, RIGHT}:  # of many it need not lead through the gap
         return f"between {groups[LEFT][0]} and {groups[RIGHT][0]}"
-    return ", ".join(f"{how} {' and '.join(dict.fromkeys(what))}" for how, what in groups.items()) or "the only way"
+    return ", ".join(f"{how} {_joined([*dict.fromkeys(what)])}" for how, what in groups.items()) or "the only way"
+
+
+def _joined(names: Sequence[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def through(reference: Reference, k: int, space: FreeSpace) -> int:
@@ -78,9 +83,9 @@ def _way(reference: Reference, k: int, space: FreeSpace, name: str) -> tuple[str
     named = len(around) == 1 or bool(shared(around))
     if often and len(around) > 1:
         around += ["the border"] * (len(around) < len(part.names))
-        *first, last = around if len(around) <= FEW else [*around[:FEW], f"{len(around) - FEW} more"]
+        around = around if len(around) <= FEW else [*around[:FEW], f"{len(around) - FEW} more"]
         how = "through the opening" if often == 1 else f"{often} times through the opening"
-        return how, f"in {name}" if named else f"between {', '.join(first)} and {last}"
+        return how, f"in {name}" if named else f"between {_joined(around)}"
     if len(part.members) == 1 and len(part.names) > 1:  # the fan is between it and the border, on one side of it
         fan = part.corners.mean(axis=0) - space.scene.obstacles[part.members[0]].position
         return _called(fan if often else -fan, reference.trajectory.points), name
