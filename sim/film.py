@@ -10,6 +10,7 @@ import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from math import atan2, degrees, hypot
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -26,11 +27,13 @@ from pirrht.plotting.colors import ClassColors, Color, blend, rgb
 from pirrht.plotting.strokes import rings
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, title
 from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen, heavy_ends
+from sim.drawing.ways import ways_in
 from sim.drive.metrics import Frame
 from sim.extras import require
 from sim.files import replaced
 from sim.mjcf import Loaded
 from sim.mjcf.edits import dress
+from sim.mjcf.names import names_of
 from sim.mjcf.obstacles import Mocap
 
 Picture = NDArray[np.uint8]  # (height, width, 3)
@@ -111,17 +114,25 @@ class Film:
         extent = self._scene.upper - self._scene.lower
         across = max(float(extent[1]), float(extent[0]) * high / wide)
         self._thick = max(1.0, across / 6.0)  # of lines
-        # What is near takes more of the picture, which looks northward.
-        self._camera.lookat[:] = [*(self._scene.lower + (0.5, 0.46) * extent), 0.0]
-        self._camera.distance, self._camera.elevation, self._camera.azimuth = 1.32 * across, -ELEVATION, 90.0
+        if len(extent) == 3:
+            eye, target = loaded.overview
+            east, north, up = target - eye
+            level = hypot(east, north)
+            self._camera.lookat[:], self._camera.distance = target, hypot(level, up)
+            self._camera.azimuth, self._camera.elevation = degrees(atan2(north, east)), degrees(atan2(up, level))
+        else:  # what is near takes more of the picture, which looks northward
+            self._camera.lookat[:] = [*(self._scene.lower + (0.5, 0.46) * extent), 0.0]
+            self._camera.distance, self._camera.elevation, self._camera.azimuth = 1.32 * across, -ELEVATION, 90.0
         self._data = mujoco.MjData(model)
         self._states = loaded.adapter
         self._joints = self._states.joints(loaded.model)
         self._mocap = Mocap(loaded.model, self._scene.movers) if self._scene.movers else None
         self._colors = ClassColors()
         self._path: list[Array] = []  # rows of a time [s] and a state
-        self._plans: list[tuple[float, Plan, dict[str, Fan]]] = []  # with their times [s]
+        self._plans: list[tuple[float, Plan, dict[str, Fan], dict[str, str]]] = []  # with their times [s]
         self._drawn, self._samples = -np.inf, dict[str, Fan]()  # what was drawn last, and when [s]
+        self._words = dict[str, str]()  # of ways in space, by class
+        self._loaded = loaded
 
     def add(self, frame: Frame, path_integral: PathIntegral | None = None) -> None:
         """Take a control step in, and what drew the samples of its plan; without it none are shown."""
@@ -134,7 +145,10 @@ class Film:
             self._drawn, self._samples = frame.time, {}
             if path_integral is not None and plan.estimate is not None:
                 self._samples = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
-        self._plans.append((frame.time, plan, self._samples))
+            if plan.space is not None:
+                ways = ways_in(plan.space, plan.references, names_of(self._loaded, plan.space))
+                self._words = dict(zip(plan.ids, ways, strict=False))
+        self._plans.append((frame.time, plan, self._samples, self._words))
         self._colors.meet(plan.ids)
 
     @property
@@ -183,7 +197,7 @@ class Film:
         over = time >= self._path[-1][-1, 0]
 
         self._pose(state, now)
-        _, plan, samples = self._plans[bisect_right(self._plans, time + 1e-9, key=itemgetter(0)) - 1]
+        _, plan, samples, words = self._plans[bisect_right(self._plans, time + 1e-9, key=itemgetter(0)) - 1]
         weights = plan.estimate.class_weights if plan.estimate else {}
         for reference, name in zip(plan.references, plan.ids, strict=True):
             radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
@@ -208,7 +222,8 @@ class Film:
         driven = self._states.drawn(at_most(path[:, 1:], PATH_POINTS), 0.03)
         self._tube(driven, DRIVEN, 0.015)
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
-        rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", blend(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
+        texts = [f"{words.get(n, title(n))}  {100 * weights[n]:.0f} %" for n in heavy]
+        rows = [(text, blend(self._colors[n], (255, 255, 255), 0.3)) for text, n in zip(texts, heavy, strict=True)]
         return self._draw([(f"{now:.1f} s", INK), *rows])
 
     def _pose(self, state: Array, time: float) -> None:
@@ -221,8 +236,8 @@ class Film:
         mujoco.mjv_updateScene(self._model, self._data, self._options, None, self._camera, everything, self._shapes)
 
     def _line(self, points: Array, height: float, color: Color, radius: float) -> None:
-        """Draw a polyline (k, 2) at a height, as thick as the scene is large [m]."""
-        self._tube(np.column_stack([points, np.full(len(points), height)]), color, radius)
+        """Draw a polyline (k, 3), or (k, 2) at a height, as thick as the scene is large [m]."""
+        self._tube(np.column_stack([points, np.full(len(points), height)])[:, :3], color, radius)
 
     def _tube(self, points: Array, color: Color, radius: float) -> None:
         """Draw a polyline (k, 3), as thick as the scene is large [m]."""

@@ -12,6 +12,7 @@ from typing import Any
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.settings import BY_SCENE, BY_SETTING, GROUPS, PLACES, SCENE_OPTIONS, SETTINGS, SINGLE, Option
+from sim.states import ADAPTERS
 
 GIB = 2.0**30
 MEMORY_SHARE = 0.5  # of the memory of a machine may go to one plan
@@ -25,6 +26,16 @@ DAILY = {  # options that `--help` of a command with a scene lists
     "methods", "seeds", "jobs", "json",
 }  # fmt: skip
 *_, RUN, GRID, RECORDING, FILES = GROUPS
+PLANE = ADAPTERS[0]
+IMPORTED: dict[str, dict[str, Any]] = {  # numbers of imported scenes, which are those of robots on the ground
+    "start": {"text": " ".join(PLANE.start_form)},
+    "goal": {"text": "disc of the goal", "metavar": PLANE.goal_form, "count": len(PLANE.goal_form)},
+    "workspace": {
+        "text": "border of the robot's centre",
+        "metavar": PLANE.workspace_form,
+        "count": len(PLANE.workspace_form),
+    },
+}
 
 
 def obstacles(text: str) -> list[int]:
@@ -96,8 +107,8 @@ COMMAND_OPTIONS = (
     _flag("import", "decompose", "WORLD is a mesh in metres, z up: write its convex parts (extra `decompose`)"),
     _one("import", "world", "number of the world in a file of motions", "NUMBER", attribute="number",
          unset="its only one"),
-    *(replace(BY_SCENE[name], commands=("import",), role="command", group="", bounds=PLACES, unset="")
-      for name in ("start", "goal", "workspace")),
+    *(replace(BY_SCENE[name], commands=("import",), role="command", group="", bounds=PLACES, unset="", **more)
+      for name, more in IMPORTED.items()),
     _one("import", "models", "folders of models of a Gazebo world, in addition to GZ_SIM_RESOURCE_PATH, "
          "GAZEBO_MODEL_PATH and folders around WORLD", "DIR", kind=Path, count="+"),
     _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),

@@ -19,6 +19,7 @@ from pirrht.plotting.colors import ClassColors, rgb
 from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.colors import NAMED, labels, passing, title
 from sim.drawing.strokes import timed
+from sim.drawing.ways import ways_in
 from sim.files import replaced
 
 if TYPE_CHECKING:
@@ -32,8 +33,10 @@ APART = 0.022  # from each other that numbers are at least, over the width of th
 
 
 def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: Sequence[Reference]) -> None:
-    """Write a map with obstacles, tree and the reference of every class."""
+    """Write a map with obstacles, tree and the reference of every class; in space as two views."""
     scene = scenario.loaded.scene
+    if scene.dimension == 3:
+        return draw_views(path, scenario, tree, references)
     wide, high = scene.upper - scene.lower
     axes = maps.pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8)).subplots()
     draw_scene(axes, scenario)
@@ -53,6 +56,33 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
     axes.set_title(f"{maps.literal(scene.name)}: {counts}", fontsize=10)
     _save(axes, path, "--png")
+
+
+def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references: Sequence[Reference]) -> None:
+    """Write two views of a plan in space, from above and from the south: obstacles, tree, references by class."""
+    scene, names = scenario.loaded.scene, scenario.names
+    wide, deep, high = scene.upper - scene.lower
+    figure = maps.pyplot("--png").Figure(figsize=(8.0, 5.4 * (deep + high) / wide + 1.2), layout="constrained")
+    views = figure.subplots(2, 1, sharex=True, height_ratios=[deep, high])
+    colors = ClassColors(reference.id for reference in references)
+    told = ways_in(scenario.space, references, names)
+    rows = [
+        wrap(maps.literal(f"{title(r.id)}: {r.cost:.2f}, {way}"), WIDE) for r, way in zip(references, told, strict=True)
+    ]
+    edges = tree.best_edges(PLOTTING.spacing)
+    for axes, seen, look in zip(views, ((0, 1), (0, 2)), ("from above", "from the south"), strict=True):
+        pick = list(seen)
+        maps.draw(axes, scene, seen=seen)
+        maps.tags(axes, scenario.space.homology.markers[:, pick], labels(names))
+        maps.lines(axes, [line[:, pick] for line in edges], "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
+        for reference, row in zip(references, rows, strict=True):
+            line = reference.trajectory.points[:, pick]
+            axes.plot(*line.T, color=rgb(colors[reference.id]), lw=PLOTTING.line, zorder=4, label="\n  ".join(row))
+        axes.set_title(look, fontsize=9)
+    if references:
+        views[0].legend(**maps.LEGEND, title="class: cost, way")
+    figure.suptitle(f"{maps.literal(scene.name)}: {tree.size} vertices, {len(references)} classes", fontsize=10)
+    _save(views[0], path, "--png")
 
 
 def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference]) -> None:

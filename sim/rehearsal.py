@@ -44,10 +44,17 @@ WALKER = Mover(
 
 
 CART = Footprint.rectangle(0.4, 0.2)
+PILLAR = replace(BOX, size=np.array([0.3, 0.3, 1.5]), position=np.array([2.0, 2.6, 1.0]))
+HALL = replace(
+    ROOM, lower=np.zeros(3), upper=np.array([4.0, 4.0, 2.0]), start=np.array([0.7, 2.0, 1.0]), obstacles=(PILLAR,),
+    goal=Goal(center=np.array([3.3, 2.0, 1.0]), radius=0.3),
+)  # fmt: skip
 
 
 def room_of(scene: Scene) -> Scene:
-    """Return the small room; an obstacle moves there, or the robot has corners, as in the scene."""
+    """Return the small room, or one in space; an obstacle moves there, or the robot has corners, as in the scene."""
+    if scene.dimension == 3:
+        return HALL
     room = replace(ROOM, movers=(WALKER,) * bool(scene.movers))
     return room if scene.footprint.is_disc else replace(room, footprint=CART)
 
@@ -77,12 +84,13 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
         first.trajectory.tape(driver.path_integral.grid(first.cost))
         tree.checker.motion.free(first.path, 0, small.space)
         if tree.homology.J:
-            tree.homology.winding(np.zeros((2, 3)))
+            tree.homology.winding(np.zeros((2, tree.homology.markers.shape[1] + 1)))
 
 
 def compile_last(scene: str | Path, given: Mapping[str, Any]) -> None:
     """Compile for a run what samples need, then the rest: whoever plans meanwhile comes to them last."""
-    small, path = small_of(prepare(scene, given=given, room=room_of)), np.zeros((2, 3))
+    small = small_of(prepare(scene, given=given, room=room_of))
+    path = np.zeros((2, small.space.scene.dimension + 1))
     if small.settings.method not in TREELESS:
         integral = path_integral(small.problem, small.space, small.sampling, homology=small.homology)
         small.homology.along(path)

@@ -9,28 +9,37 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
+from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.signature import Signature, class_id
 from sim.drawing.colors import passing
+from sim.drawing.ways import ways_in
 from sim.drive.metrics import Truth
 from sim.scenario import Scenario
 
 
-def classes_json(references: Sequence[Reference], homology: Signature, names: Sequence[str]) -> list[dict[str, Any]]:
-    """The classes, cheapest first; with a homology in time also how each passes obstacles, static ones by `names`."""
+def classes_json(
+    references: Sequence[Reference], homology: Signature, names: Sequence[str], space: FreeSpace | None = None
+) -> list[dict[str, Any]]:
+    """The classes, cheapest first; with a homology in time also how each passes obstacles, static ones by `names`.
+
+    Of paths through a `space` of three dimensions their ways are told.
+    """
     bodies = passing(references, homology, names)
+    told = ways_in(space, references, names)
     return [
         {"id": r.id, "winding": list(r.winding), "signature": r.signature.tolist(), "cost": r.cost, "length": r.length}
         | ({"bodies": words} if homology.J else {})
-        for r, words in zip(references, bodies, strict=True)
+        | ({"way": told[k]} if told else {})
+        for k, (r, words) in enumerate(zip(references, bodies, strict=True))
     ]
 
 
 def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[str, Any]:
     """Count open passages, and list those on no reference, narrowest first, lengths [m]."""
     passages, collision, unused = tree.passages, tree.space.collision, set(range(tree.passages.count))
-    for reference in references:
+    for reference in references if unused else ():  # in space there are no passages
         unused -= {*np.flatnonzero(passages.crossed(reference.trajectory.points)).tolist()}
     found = [
         {"at": passages.place[k].tolist(), "width": float(passages.width[k]), "between": passages.between(k, collision)}
@@ -154,5 +163,5 @@ def _windings_json(scenario: Scenario, references: Sequence[Reference]) -> dict[
     return {
         "obstacles": [{"name": name, "marker": marker, "geoms": list(geoms)} for name, marker, geoms in parts],
         "movers": list(space.homology.names),
-        "classes": classes_json(references, scenario.homology, names),
+        "classes": classes_json(references, scenario.homology, names, space),
     }

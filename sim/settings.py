@@ -14,7 +14,7 @@ import numpy as np
 from pirrht.control.settings import BETWEEN, METHODS, TREELESS
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
-from sim.states import ADAPTERS, forms_of
+from sim.states import forms_of
 from sim.text import suggestion
 
 DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
@@ -24,10 +24,7 @@ SCENE, PROBLEM, PLANNER, RUN, GRID, *_ = GROUPS
 SEED = 2**63 - 1  # the largest seed
 PLACES = (-1e6, 1e6)  # coordinates of a scene [m]
 RUN_PERIODS = 10_000_000  # control steps of a run at most
-START_HELP = ", or ".join(one.start_help for one in ADAPTERS)
-GOAL_HELP = ", or ".join(one.goal_help for one in ADAPTERS)
-GOAL_FORM, GOAL_COUNT = forms_of("goal_form")
-BORDER_FORM, BORDER_COUNT = forms_of("border_form")
+FORMS = {name: forms_of(f"{name}_form") for name in ("start", "goal", "workspace")}
 _KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": bool, "Sequence[float]": float}
 
 
@@ -98,6 +95,12 @@ def stated(value: Any, text: str, metavar: Any = "", bounds: tuple[float, float]
     return field(default=value, metadata={"text": text, "metavar": metavar, "bounds": bounds, **more})
 
 
+def placed(name: str, unset: str, text: str, **more: Any) -> Any:
+    """Field of numbers of one of several forms."""
+    forms = FORMS[name]
+    return stated(None, text + forms.text, forms.metavar, count="+", unset=unset, **more)
+
+
 def one_of(choices: tuple[str, ...], text: str, metavar: str = "RULE", **more: Any) -> Any:
     """A field whose default is the first of some choices."""
     return stated(choices[0], text, metavar, choices=choices, **more)
@@ -120,7 +123,7 @@ class SceneOptions:
     """Choices of scene, robot and task; None where the scene decides. OptionError: a value is out of its bounds."""
 
     # fmt: off
-    robot: Any = stated(None, "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", "NAME",
+    robot: Any = stated(None, "puck, unicycle, diffdrive, hover, rover, car, ball, drone or an MJCF file", "NAME",
                         unset="the scene's")
     system: Any = stated(None,
                          "a `sim.systems.System`, or a function that returns one, from a module here or installed",
@@ -131,12 +134,10 @@ class SceneOptions:
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
                                         "narrow passages")
-    start: Sequence[float] | None = stated(None, f"start at {START_HELP}", "X",
-                                           count="+", unset="the scene's")
-    goal: Sequence[float] | None = stated(None, GOAL_HELP, GOAL_FORM, count=GOAL_COUNT,
-                                          unset="the scene's")
-    workspace: Sequence[float] | None = stated(None, "border of the robot's centre", BORDER_FORM, PLACES,
-                                               count=BORDER_COUNT, unset="the scene's site or floor")
+    start: Sequence[float] | None = placed("start", "the scene's", "")
+    goal: Sequence[float] | None = placed("goal", "the scene's", "")
+    workspace: Sequence[float] | None = placed("workspace", "the scene's site or floor",
+                                               "border of the robot's centre: ", bounds=PLACES)
     freeze: bool | None = stated(None, "weld bodies with joints at keyframe or default pose, and drop actuators")
     without: Sequence[str] | None = stated(None, "leave out bodies and what refers to them", "BODY", count="+")
     preset: str | None = stated(None, "paper, fast or accurate", "NAME", group=PLANNER)
@@ -195,8 +196,8 @@ class Settings:
     plant: str = one_of(("mujoco", "sde"), "simulate in MuJoCo (mujoco), or by the equation alone (sde)",
                         metavar="NAME")
     max_time: float = stated(30.0, "simulated time after which a run ends", "S", (1e-3, 86_400.0))
-    real_time: bool = stated(False, "run against the clock, with as many classes and samples as there is time for; "
-                             "results differ from run to run", group=RUN, commands=("run",))
+    real_time: bool = stated(False, "run against the clock; results differ from run to run", group=RUN,
+                             commands=("run",))
     grow: int | None = stated(None, "vertices that the tree gains between two plans; in real time at most", "N",
                               (0, 10_000), unset="0", group=RUN, commands=("run", "play"))
     plan_seed: int | None = stated(None, "seed of trees", "N", (0, SEED), default=0, group=GRID, commands=("sweep",))

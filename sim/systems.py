@@ -115,14 +115,16 @@ class System:
         """Return the `pirrht.Steering` of a problem."""
         if self.steering is not None:
             return self._made("steering", problem)
+        from pirrht.steering.pieces import SpaceLine, TrackedInSpace
         from pirrht.steering.straight_line import StraightLine, Tracked
         from pirrht.steering.turn_and_go import TurnAndGo
         from pirrht.traits import Traits
 
+        line, tracked = (SpaceLine, TrackedInSpace) if self.adapter.dimension == 3 else (StraightLine, Tracked)
         try:
             if Traits.of(problem).isotropic_point:
-                return StraightLine.of(problem)
-            kind = Tracked if problem.scene.footprint.is_disc else TurnAndGo
+                return line.of(problem)
+            kind = tracked if problem.scene.footprint.is_disc else TurnAndGo
             return kind.of(problem, self.pace)
         except OptionError as error:
             raise OptionError(f"system {self.name}: {error}") from None
@@ -223,8 +225,8 @@ SYSTEMS = (  # an `urge` of v'v, where R = 2, asks for the speed v of the settin
         states=("x", "y", "z"), urge=lambda s: s.speed**2, twists=3, heeds=("noise", "speed"), robots=("ball",),
         defaults={"noise": 0.35, "samples": 300, "period": 0.05, "limit": 1.0}, paper_samples=300, noise_in="m/sqrt(s)",
     ),
-    System(  # its paths have a speed of their own
-        name="drone", dynamics=_dynamics("drone:Drone"), steering=_steering("pieces:TrackedInSpace"),
+    System(  # its pace is about that of the best path over 3 m
+        name="drone", dynamics=_dynamics("drone:Drone"), pace=1.0,
         R=2.0 * np.eye(3), states=("x", "y", "z", "vx", "vy", "vz"), twists=3, robots=("drone",),
         defaults={"noise": 0.3, "samples": 300, "period": 0.05, "limit": 1.0}, paper_samples=300,
         own=("noise", "vertices", "samples", "dt", "period"), noise_in="m/s/sqrt(s)",

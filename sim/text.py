@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+from itertools import takewhile
 
 from pirrht.errors import printable
 
@@ -15,6 +16,12 @@ def suggestion(word: object, known: Iterable[str]) -> str:
     """A question in brackets for the known word that a word is most like; empty if it is like none."""
     near = get_close_matches(str(word), [*known], 1)
     return f" (did you mean {near[0]}?)" if near else ""
+
+
+def shared(names: Sequence[str]) -> str:
+    """Return the first words that all of several names share; empty if they share none."""
+    columns = zip(*(name.split() for name in names), strict=False)
+    return " ".join(words[0] for words in takewhile(lambda words: len({*words}) == 1, columns))
 
 
 def say(text: str) -> None:

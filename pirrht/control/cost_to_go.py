@@ -32,7 +32,7 @@ def straight_lines(goal: Goal) -> Remaining:
 
     def remaining(positions: Array) -> Array:
         off = goal.center - positions
-        return np.asarray(off * (1.0 - goal.radius / np.maximum(np.hypot(*off.T), goal.radius))[:, None])
+        return np.asarray(off * (1.0 - goal.radius / np.maximum(np.hypot.reduce(off, axis=1), goal.radius))[:, None])
 
     return remaining
 
@@ -42,6 +42,8 @@ def shortest_paths(space: FreeSpace) -> Remaining:
     from scipy.ndimage import distance_transform_edt
 
     scene = space.scene
+    if scene.dimension != 2:
+        raise OptionError("shortest paths are those of robots on the ground; in space take straight lines")
 
     lower = scene.lower.astype(float)
     span = (scene.upper - scene.lower).astype(float)
@@ -124,7 +126,7 @@ def cost_to_go(problem: Problem, remaining: Remaining) -> Callable[[Array], Arra
     """
     d, q = problem.dynamics, problem.least_rate
     x = d.state_of(problem.scene.start)
-    drift = float(np.hypot(*d.place(d.f(x))))
+    drift = float(np.hypot.reduce(d.place(d.f(x))))
     if Traits.of(problem).noisy_position:
         G = d.whole(d.G_c(x))[list(d.position)]
         weight = 1.0 / float(np.linalg.eigvalsh(G @ np.linalg.solve(problem.control_cost(x), G.T))[-1])
@@ -135,4 +137,4 @@ def cost_to_go(problem: Problem, remaining: Remaining) -> Callable[[Array], Arra
         raise OptionError(
             f"{type(d).__name__} has no speed at the start, so its cost to go is unknown; give a `terminal_cost`"
         )
-    return lambda states: np.asarray(per_meter * np.hypot(*remaining(d.place(states)).T))
+    return lambda states: np.asarray(per_meter * np.hypot.reduce(remaining(d.place(states)), axis=1))

@@ -49,23 +49,29 @@ def of(space: FreeSpace, time: float, axes: Any, what: str) -> Any:
     return axes
 
 
-def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
-    """Draw a scene to scale, with moving obstacles at a time [s]."""
+def draw(axes: Any, scene: Scene, time: float = 0.0, seen: tuple[int, int] = (0, 1)) -> None:
+    """Draw a scene to scale, with moving obstacles at a time [s]; one in space as two of its axes show it."""
     from matplotlib.patches import Circle, Polygon, Rectangle
 
-    axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
-    solids(axes, scene.obstacles, fc=WALL, ec="none", zorder=3)
+    pick = list(seen)
+    lower, upper = scene.lower[pick], scene.upper[pick]
+    solid = scene.dimension == 2  # else what is behind an obstacle shows through it
+    axes.add_patch(Rectangle(tuple(lower), *(upper - lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
+    for obstacle in scene.obstacles:
+        axes.add_patch(
+            Polygon(outline(obstacle, seen), closed=True, fc=WALL, ec="none", alpha=None if solid else 0.55, zorder=3)
+        )
     bodies(axes, scene.movers, time)
-    axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
+    axes.add_patch(Circle(tuple(scene.goal.center[pick]), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
     style = {"fc": "none", "ec": INK, "lw": 1.2, "zorder": 5}
     if scene.footprint.is_disc:
-        axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, **style))
+        axes.add_patch(Circle(tuple(scene.start[pick]), scene.robot_radius, **style))
     else:
         axes.add_patch(Polygon(scene.body.at(scene.start), closed=True, **style))
-    margin = 0.02 * float((scene.upper - scene.lower).max())
-    left, low = scene.lower - margin
-    right, high = scene.upper + margin
-    axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
+    margin = 0.02 * float((scene.upper - scene.lower).max()) + (0.0 if solid else scene.robot_radius)
+    x, y = ("xyz"[axis] for axis in seen)
+    (left, low), (right, high) = lower - margin, upper + margin
+    axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel=f"{x} [m]", ylabel=f"{y} [m]")
 
 
 def lines(axes: Any, drawn: Sequence[Array], color: Any, *, width: float, opacity: Any, zorder: float) -> None:
@@ -104,7 +110,7 @@ def tags(axes: Any, places: Iterable[Array], texts: Sequence[str]) -> None:
     from matplotlib.patheffects import withStroke
 
     style = {"color": "white", "fontsize": 8, "ha": "center", "va": "center", "zorder": 5}
-    for (x, y), text in zip(places, texts, strict=True):
+    for (x, y, *_), text in zip(places, texts, strict=True):
         axes.text(x, y, literal(text), path_effects=[withStroke(linewidth=1.8, foreground=WALL)], **style)
 
 

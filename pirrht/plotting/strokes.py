@@ -19,12 +19,12 @@ def interpolated(line: Array, at: Array, places: Array) -> Array:
 
 
 def lengths(line: Array) -> Array:
-    """The length of a polyline (k, 2) up to each of its points, (k,) [m]."""
-    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    """The length of a polyline (k, d) up to each of its points, (k,) [m]."""
+    return np.append(0.0, np.cumsum(np.hypot.reduce(np.diff(line, axis=0), axis=1)))
 
 
 def even(points: Array, count: int) -> Array:
-    """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
+    """A polyline (k, d) cut anew into `count` points at equal distances, (count, d)."""
     along = lengths(points)
     return interpolated(points, along, np.linspace(0.0, along[-1], count))
 
@@ -57,8 +57,8 @@ def rings(footprint: Footprint, poses: Array) -> Array:
     return np.concatenate([found, found[:, :1]], axis=1)
 
 
-def outline(obstacle: Obstacle) -> Array:
-    """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
+def outline(obstacle: Obstacle, seen: tuple[int, int] = (0, 1)) -> Array:
+    """Return the corners (k, 2) of an obstacle's convex outline as two axes show it, counterclockwise [m]."""
     size, up = obstacle.size, np.array([0.0, 0.0, obstacle.size[1]])
     angle = np.linspace(0, 2 * np.pi, TUNING.corners, endpoint=False)
     latitude = np.linspace(-np.pi / 2, np.pi / 2, TUNING.corners // 2 + 1)
@@ -72,5 +72,5 @@ def outline(obstacle: Obstacle) -> Array:
         Kind.SPHERE: ball * size[0],
         Kind.MESH: obstacle.vertices,
     }
-    seen = (points[obstacle.kind] @ obstacle.rotation.T + obstacle.position)[:, :2]
-    return np.asarray(seen[ConvexHull(seen).vertices])
+    corners = (points[obstacle.kind] @ obstacle.rotation.T + obstacle.position)[:, list(seen)]
+    return np.asarray(corners[ConvexHull(corners).vertices])

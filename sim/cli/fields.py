@@ -26,6 +26,7 @@ classes[].signature  list    turns   H of the paper, its 1 included
 classes[].cost       number  cost    of the path, without noise
 classes[].length     number  m       of the path
 classes[].bodies     list    -       how it passes the obstacles by which classes differ; only where some move
+classes[].way        string  -       what it goes through, over, under or past; only in space
 obstacles            list    -       static obstacles that paths can turn about
 obstacles[].name     string  -       by which sentences call it: of a geom, a body, or `obstacle` and its number
 obstacles[].marker   list    m       x, y of a point inside

@@ -48,6 +48,14 @@ COMMANDS: dict[str, tuple[str, str]] = {  # of each: a sentence, and more of `--
 }
 
 
+class Formatter(argparse.RawDescriptionHelpFormatter):
+    """Shows numbers of several forms as they are."""
+
+    def _format_args(self, action: argparse.Action, default_metavar: str) -> str:
+        forms = action.metavar
+        return forms if isinstance(forms, str) and " " in forms else super()._format_args(action, default_metavar)
+
+
 class Parser(argparse.ArgumentParser):
     """Raises an error of one line."""
 
@@ -114,7 +122,7 @@ def parser(*, everything: bool = False) -> argparse.ArgumentParser:
             name, help=text, add_help=False, allow_abbrev=False,
             usage=f"pirrht {name} {scene} [options]" if takes_scene else None,
             description=text, epilog="\n\n".join(filter(None, notes)) or None,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=Formatter,
         )  # fmt: skip
         _fill(one, name, everything or not takes_scene)
     return whole
@@ -123,7 +131,8 @@ def parser(*, everything: bool = False) -> argparse.ArgumentParser:
 def usage_of(option: Option) -> str:
     """Return an option as it is typed with its values, as in --goal X Y R."""
     metavar = " ".join(option.metavar) if isinstance(option.metavar, tuple) else option.metavar
-    return (option.flag if option.positional else f"{option.flag} {metavar}".rstrip()) + " ..." * (option.count == "+")
+    more = " ..." * (option.count == "+" and " " not in metavar)
+    return (option.flag if option.positional else f"{option.flag} {metavar}".rstrip()) + more
 
 
 def robots_text() -> str:

@@ -31,7 +31,7 @@ from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import deviation
 from sim.scenario.risk import predicted
-from sim.states import ADAPTERS
+from sim.settings import FORMS
 from sim.text import counted, say
 
 SHARE_PATHS = 2000  # optimal paths that tell the exact share of each class
@@ -110,21 +110,18 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
     """Read the scene and the task of a command line, and put into `arguments` the scene's numbers for the rest."""
     given = vars(arguments)
     command = arguments.command
-    numbers = len(arguments.start or ADAPTERS[0].pose[: ADAPTERS[0].dimension])
-
-    if not any(numbers in one.start_counts for one in ADAPTERS):
-        words = "; or ".join(one.start_words for one in ADAPTERS)
-        raise OptionError(
-            f"--start has {counted(numbers, 'number')}; it must be {words}; runs begin at rest (`pirrht estimate --at` "
-            "takes any state)"
-        )
+    for name, forms in FORMS.items():
+        count = len(given[name] or ())
+        if count and count not in forms.counts:
+            more = "; runs begin at rest (`pirrht estimate --at` takes any state)" if name == "start" else ""
+            raise OptionError(f"--{name} has {counted(count, 'number')}; it must be {forms.text}{more}")
     driven = command not in ("plan", "estimate")
     of_run = options.of_run(command, given)
     notice().run = arguments.scene, of_run
     scenario = prepare(arguments.scene, given=of_run, loose=loose, driven=driven)
     adapter = scenario.system.adapter
-    if arguments.start and numbers > len(adapter.places):
-        spare = " ".join(adapter.pose[len(adapter.places) : numbers])
+    if arguments.start and len(arguments.start) > len(adapter.places):
+        spare = " ".join(adapter.pose[len(adapter.places) : len(arguments.start)])
         raise OptionError(
             f"--start has a {spare}, and {scenario.loaded.robot} has none; give {adapter.typed(adapter.places)}"
         )
@@ -193,7 +190,7 @@ def plan(arguments: argparse.Namespace) -> int:
     collision = predicted(scenario, tree)
     notice().finish()
     found = plan_json(scenario, tree, references, seconds, collision) | watched
-    print(tables.class_table(references, scenario.homology, scenario.names))
+    print(tables.class_table(references, scenario.homology, scenario.names, scenario.space))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {found['fcl_calls']} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(found["passages"]))
     if scenario.settings.risk is not None:
@@ -265,7 +262,8 @@ def state_of(at: list[float], scenario: Scenario) -> Array:
     if not adapter.dimension <= len(at) <= len(whole) or not finite:
         known = f"has {counted(len(at), 'number')}" if finite else f"is {where}"
         few, all_of = adapter.typed(pose[: adapter.dimension]), adapter.typed(whole)
-        raise OptionError(f"--at {known}; it must be {few} or the first few of {all_of}, all finite")
+        more = f" or the first few of {all_of}" if all_of != few else ""
+        raise OptionError(f"--at {known}; it must be {few}{more}, all finite")
     x = np.array([*at, *[0.0] * (len(whole) - len(at))])
     if len(at) <= len(place):
         x = scenario.problem.dynamics.state_of(np.array([*at, *[0.0] * (len(pose) - len(at))]))

@@ -79,7 +79,7 @@ def _prepared(scenario: Any, *, exact: bool) -> tuple[Any, list[Reference], Any]
         truth = scenario.truth(bar.to) if exact else None
     tree, references = (None, []) if scenario.settings.method in TREELESS else planned(scenario, waits=True)
     if references:
-        print(tables.class_table(references, scenario.homology, scenario.names))
+        print(tables.class_table(references, scenario.homology, scenario.names, scenario.space))
         report_prediction(scenario, "classes above are those")
     say(tables.odds(scenario))
     with Progress("exact value") as bar:

@@ -8,9 +8,11 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.estimation.sampling import TUNING
 from pirrht.formatting import percent
+from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.topology.signature import OTHER, Signature
 from sim.drawing.colors import passing, title
+from sim.drawing.ways import ways_in
 from sim.drive import episode
 from sim.drive.metrics import REASONS, EpisodeMetrics, Truth
 from sim.scenario import Scenario
@@ -28,18 +30,24 @@ REMEDIES = {  # of `Plan.fallback`
 DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
-def class_table(references: Sequence[Reference], homology: Signature | None = None, names: Sequence[str] = ()) -> str:
+def class_table(
+    references: Sequence[Reference], homology: Signature | None = None, names: Sequence[str] = (),
+    space: FreeSpace | None = None,
+) -> str:  # fmt: skip
     """One row per homology class, cheapest first; with a homology in time also how each passes obstacles.
 
-    `names` are those of static obstacles.
+    `names` are those of static obstacles; of paths through a `space` of three dimensions their ways are told.
     """
     rows = [{"class": title(r.id), "cost": f"{r.cost:.4f}", "length [m]": f"{r.length:.3f}"} for r in references]
     bodies = passing(references, homology, names) if homology is not None and homology.J else [[]] * len(rows)
-    for row, r, words in zip(rows, references, bodies, strict=True):
+    told = ways_in(space, references, names)
+    told = [way.ljust(max(map(len, told))) for way in told]
+    for k, (row, r, words) in enumerate(zip(rows, references, bodies, strict=True)):
         if homology is not None and homology.J:
             row["bodies"] = ", ".join(words) or "-"
         elif len(r.winding) <= FEW_OBSTACLES:  # else too wide; JSON has it all
             row["H"] = " ".join(f"{h:+.2f}" for h in r.signature)
+        row |= {"way": told[k]} if told else {}
     return table([*rows[0]], [[*row.values()] for row in rows]) if rows else "no class"
 
 
@@ -140,8 +148,8 @@ def fitting_lines(scenario: Scenario) -> str:
         passages = counted(len(given.narrow), "narrow passage")
         lines.append(f"margin {given.margin:.3g} m, and in {passages} less, {least:.2g} m at least")
     if planned.goal is not given.goal:
-        (x, y), free = planned.goal.center, f"{planned.goal.radius:.3g} m around"
-        lines.append(f"the centre of the goal is covered: plans lead to its free part, {free} ({x:.4g}, {y:.4g})")
+        free = f"{planned.goal.radius:.3g} m around {scenario.system.adapter.text(planned.goal.center, 4)}"
+        lines.append(f"the centre of the goal is covered: plans lead to its free part, {free}")
     return "\n".join(lines)
 
 

@@ -166,7 +166,7 @@ def worded(
 
     def sentence(name: str, rivals: Collection[str]) -> str:
         mine = windings[name]
-        chosen = _telling(mine, [windings[rival] for rival in rivals])
+        chosen = telling(mine, [windings[rival] for rival in rivals])
         groups: dict[str, list[str]] = {RIGHT: [], LEFT: []}
         for k in (k for k in chosen if k < M):
             groups.setdefault(_side(float(straight[k]) + mine[k]), []).append(called[k])
@@ -183,7 +183,7 @@ def worded(
     return {name: text if often[text] == 1 else sentence(name, windings) for name, text in found.items()}
 
 
-def _telling(mine: Sequence[int], rivals: Sequence[Sequence[int]]) -> list[int]:
+def telling(mine: Sequence[int], rivals: Sequence[Sequence[int]]) -> list[int]:
     """Return the fewest obstacles, found one by one, whose turns tell a class from all that have others."""
     chosen = list[int]()
     differ = np.array([np.not_equal(mine, other) for other in rivals if tuple(other) != tuple(mine)])

@@ -78,6 +78,11 @@ def single(points: Array) -> Floats:
     return lift(points, points[..., 2])
 
 
+def placed(points: Array, z: float | Array) -> Floats:
+    """Points in space (..., 3) as they are, or planar points (..., 2) at height z, single precision."""
+    return single(points) if points.shape[-1] == 3 else lift(points, z)
+
+
 class Fan(NamedTuple):
     """Sampled paths of one class, or of those that died."""
 

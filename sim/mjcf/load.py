@@ -69,6 +69,17 @@ class Loaded:
         """Adapter of the system's states."""
         return adapter_of(self.states)
 
+    @property
+    def overview(self) -> tuple[Array, Array]:
+        """Eye of the camera "overview", else one south-east of the workspace and above it, and what it looks at [m]."""
+        lower, upper = (np.append(corner, 0.0)[:3] for corner in (self.scene.lower, self.scene.upper))
+        middle = 0.5 * (lower + upper)
+        camera = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_CAMERA, "overview")
+        if camera < 0:
+            return middle + 1.6 * float((upper - lower).max()) * np.array([0.35, -0.75, 0.55]), middle
+        eye, ahead = self.model.cam_pos0[camera], -self.model.cam_mat0[camera].reshape(3, 3)[:, 2]
+        return eye, eye + max(1.0, float(ahead @ (middle - eye))) * ahead
+
     def __repr__(self) -> str:
         return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
 

@@ -5,19 +5,22 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pirrht.freespace import FreeSpace
+from pirrht.topology.nerve import WORKSPACE, Loop
 from pirrht.topology.obstacles import Component
 from sim.mjcf.load import Loaded
+from sim.text import shared
 
 SPARE = "a wall"  # name of a solid of the border that has none of its own
 
 
 def names_of(loaded: Loaded, space: FreeSpace) -> tuple[str, ...]:
-    """Name each topological obstacle that paths can turn about: as the solid that its marker lies in."""
+    """Name each topological obstacle that paths can turn about: by words that its solids share, or by one of them."""
     solids = names_of_solids(loaded, space.obstacles)
     places = np.array([obstacle.position[: space.scene.dimension] for obstacle in space.scene.obstacles])
     pairs = zip(space.obstacles, space.homology.markers, strict=True)
     nearest = (min(part.members, key=lambda i: float(np.hypot.reduce(places[i] - at))) for part, at in pairs)
-    return tuple(solids[i] for i in nearest)
+    loops = [[n for n in part.names if n != WORKSPACE] if isinstance(part, Loop) else [] for part in space.obstacles]
+    return tuple((len(loop) > 1 and shared(loop)) or solids[i] for loop, i in zip(loops, nearest, strict=True))
 
 
 def names_of_solids(loaded: Loaded, parts: Sequence[Component]) -> tuple[str, ...]:

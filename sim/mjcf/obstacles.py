@@ -63,11 +63,13 @@ def read_workspace(
 
     They are as given, else of the site `workspace`, else of the first floor plane, which bounds no height.
     """
+    ends = " ".join(f"{axis}0 {axis}1" for axis in "XYZ"[:dimension])
+    order = " and ".join(f"{axis}0 < {axis}1" for axis in "xyz"[:dimension])
     if given is not None:
         bounds = np.array(given, dtype=float)
         numbers = bounds.shape == (2 * dimension,) and np.all(np.abs(bounds) <= FARTHEST)
         if not (numbers and np.all(bounds[::2] < bounds[1::2])):
-            raise SceneError(f"the workspace {bounds.tolist()} is empty; give x0 < x1 and y0 < y1")
+            raise SceneError(f"the workspace {bounds.tolist()} is no box; give {ends} with {order}")
         return bounds[::2], bounds[1::2]
     site = site_of(model, "workspace")
     if site >= 0:
@@ -76,7 +78,7 @@ def read_workspace(
         least, most = _extent('site "workspace"', data.site_xpos[site], data.site_xmat[site], model.site_size[site])
         return least[:dimension], most[:dimension]
     remedy = '<site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
-    remedy = f"add {remedy} or give --workspace X0 X1 Y0 Y1"
+    remedy = f"add {remedy} or give --workspace {ends}"
     planes = np.flatnonzero((model.geom_type == _GEOM.mjGEOM_PLANE) & (data.geom_xmat[:, 8] > _UP)).tolist()
     floor = next((geom for geom in planes * (dimension == 2) if model.geom(geom).name != f"robot/{GROUND}"), None)
     if floor is None:

@@ -21,7 +21,7 @@ from pirrht.plotting.colors import ClassColors, Color, blend
 from pirrht.plotting.strokes import even, outline
 from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, fade, packed, title
-from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, tubes
+from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, placed, tubes
 from sim.recording.geoms import on_floor
 from sim.recording.reasons import page, reasons, share, shares_of, words_of
 from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, VALUE, entity
@@ -59,18 +59,21 @@ class Pictures:
         """Log a plan at a step and simulated time [s]."""
         self._now = step, time
         subject, weights = self._subject, plan.estimate.class_weights if plan.estimate else {}
-        lines = [at_most(r.trajectory.points[:, :2], REFERENCE_POINTS) for r in plan.references]
+        lines = [
+            at_most(r.trajectory.points[:, : subject.space.scene.dimension], REFERENCE_POINTS) for r in plan.references
+        ]
         heaviest = sorted(plan.ids, key=lambda n: -weights.get(n, 0.0))
-        labels = {name: title(name) for name in plan.ids[:LIFTED]}
+        words, grid = words_of(plan, subject.path_integral, subject.names), subject.grid
+        called = words if subject.in_space else {name: title(name) for name in plan.ids}
+        labels = {name: called[name] for name in plan.ids[:LIFTED]}
         if plan.estimate is not None:
             heavy = [name for name in heaviest if weights.get(name, 0.0) >= NAMED]
-            labels = {name: f"{title(name)}   {share(weights[name])}" for name in heavy}
+            labels = {name: f"{called[name]}   {share(weights[name])}" for name in heavy}
         self._sizes = [weights.get(name, 0.0) ** 0.5 for name in plan.ids]
         self._references(plan, lines)
         self._label("/world/names", labels, plan, [even(line, LIFTED_POINTS) for line in lines])
         self._means(plan, [name for name in heaviest if weights.get(name, 0.0) >= HEAVY][:MEANS])
         fans = self._samples(plan)
-        words, grid = words_of(plan, subject.path_integral, subject.names), subject.grid
         if grid is not None and grid.moves:
             self._log(VALUE, on_floor(grid, subject.space, time))
         exact = None if grid is None else shares_of(grid, plan, time)
@@ -83,7 +86,7 @@ class Pictures:
         """Log the labels of classes on their lines (k, 2) or (k, 3) [m]."""
         places = {name: line[i] for name, line, i in zip(plan.ids, lines, strokes.apart(lines), strict=False)}
         at = np.array([places[name] for name in labels]).reshape(len(labels), lines[0].shape[1] if lines else 3)
-        points = lift(at, 0.1) if at.shape[1] == 2 else at
+        points = placed(at, 0.1)
         self._names(path, points, list(labels.values()), [self._colors[name] for name in labels])
 
     def _samples(self, plan: Plan) -> dict[str, Fan]:
@@ -116,13 +119,13 @@ class Pictures:
         names = [name for name in reversed(heavy) if name in means]  # the favourite on top
         colors = [CONTROL if name == plan.favourite else blend(self._colors[name], CONTROL, 0.45) for name in names]
         radii = [0.014 if name == plan.favourite else 0.008 for name in names]
-        strips = [lift(means[name], 0.065 + 0.001 * k) for k, name in enumerate(names)]
+        strips = [placed(means[name], 0.065 + 0.001 * k) for k, name in enumerate(names)]
         self._strips("/world/ways", strips, colors, radii)
 
     def _references(self, plan: Plan, lines: Sequence[Array]) -> None:
         colors = [self._colors[name] for name in plan.ids]
         radii = [0.008 + 0.024 * size for size in self._sizes]
-        self._strips("/world/references", [lift(line, 0.05) for line in lines], colors, radii)
+        self._strips("/world/references", [placed(line, 0.05) for line in lines], colors, radii)
         few = plan.references[:LIFTED]
         chosen = [(r, even(line, LIFTED_POINTS)) for r, line in zip(few, lines, strict=False)]
         texts = [f"class {title(name)}: cost {r.cost:.2f}" for name, r in zip(plan.ids, few, strict=False)]

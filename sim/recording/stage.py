@@ -17,7 +17,7 @@ from pirrht.plotting.colors import blend
 from pirrht.plotting.strokes import rings
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, NAMED, labels
-from sim.drawing.strokes import lift
+from sim.drawing.strokes import lift, placed
 from sim.recording import geoms
 from sim.recording.subject import Subject
 
@@ -31,9 +31,11 @@ Grey ones hit an obstacle, left the workspace or ran out of time.
 
 **Yellow line**: the path driven. Plans and samples are drawn {hz:g} times a second.
 
-A class such as `0,-1` counts whole turns around obstacles 1, 2, ... against the straight
-line to the goal, counter-clockwise positive; with many obstacles `+5 -12` names those with a turn.
+A class such as `0,-1` counts {turns} 1, 2, ... against the straight
+line to the goal{positive}; with many obstacles `+5 -12` names those with a turn.
 """
+IN_PLANE = {"turns": "whole turns around obstacles", "positive": ", counter-clockwise positive"}
+IN_SPACE = {"turns": "how often a path links with loops of obstacles", "positive": ""}
 OPTIMAL = """
 **Green arrow**: the optimal control, solved for on a grid. **Floor**: the exact value, from pale at the goal to dark
 where it is great, of a robot with a heading that of the best one. In the table *exact* is each class' share of psi.
@@ -90,8 +92,8 @@ def name_tag(subject: Subject, name: str, place: tuple[float, ...]) -> rr.AsComp
 
 
 def outer(scene: Scene) -> Array:
-    """Return the border of the domain, (5, 2) [m]: its corners, the first one twice."""
-    (x0, y0), (x1, y1) = scene.lower, scene.upper
+    """Return the border of the domain seen from above, (5, 2) [m]: its corners, the first one twice."""
+    (x0, y0), (x1, y1) = scene.lower[:2], scene.upper[:2]
     return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])
 
 
@@ -100,13 +102,7 @@ def stage(subject: Subject, log: Log) -> None:
     loaded, scene = subject.loaded, subject.space.scene
     log("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _texts(subject, log)
-    half = 0.5 * (scene.upper - scene.lower)
-    middle = 0.5 * (scene.lower + scene.upper)
-    floor = {"centers": [(*middle, -0.012)], "half_sizes": [(*half, 0.01)]}
-    log("/world/scene/floor", rr.Boxes3D(**floor, colors=[FLOOR], fill_mode="solid"))
-    log("/world/scene/border", rr.LineStrips3D(lift(outer(scene), 0.0)[None], radii=0.01, colors=[BORDER]))
-    disc = {"lengths": [0.004], "radii": [scene.goal.radius], "centers": [(*scene.goal.center, 0.002)]}
-    log("/world/scene/goal", rr.Cylinders3D(**disc, colors=[GOAL], fill_mode="solid"))
+    _room(scene, log)
     robot, moving, obstacles = (getattr(loaded, f"{kind}_geoms") for kind in ("robot", "moving", "obstacle"))
     opacity = np.where(moving, MOVING, np.where(robot, 1.0, STATIC))
     model = geoms.see_through(loaded.model, opacity, moving, MOVER)
@@ -124,7 +120,7 @@ def stage(subject: Subject, log: Log) -> None:
     for folder, mask, body in drawn:
         for name, solid in geoms.solids(model, mask, body=body).items():
             log(f"{folder}/{name}", solid)
-    if subject.grid is not None and not subject.grid.moves:
+    if subject.grid is not None and not subject.grid.moves and not subject.in_space:
         log(VALUE, geoms.on_floor(subject.grid, subject.space, 0.0))
     # The control; below it and thicker, so that neither hides the other, the optimal one.
     looks = [((0, 0, 0.12), CONTROL, 0.022), ((0, 0, 0.07), OPTIMUM, 0.034)]
@@ -133,17 +129,10 @@ def stage(subject: Subject, log: Log) -> None:
     if not scene.body.is_disc:
         outline = lift(rings(scene.body, np.zeros((1, 3))), 0.03)
         log("/world/robot/outline", rr.LineStrips3D(outline, radii=0.012, colors=[DRIVEN]))
-    # An eye over the middle, north being up: Rerun fits the height of what it sees, whatever the width.
-    wide, high = 2.0 * MARGIN * half
-    size = 100.0 * np.array([wide, max(high, wide / NARROW)])
-    far = HEIGHT * float(size.max()) / 100.0
-    lens = rr.Pinhole(focal_length=100.0 * far, width=size[0], height=size[1], image_plane_distance=DEPTH)
-    log(ABOVE, rr.Transform3D(translation=(*middle, far), mat3x3=np.diag([1.0, -1.0, -1.0])), lens)
-    if (radius := MARK_SIZE * size[1] / 100.0) > scene.robot_radius:
-        disc = {"lengths": [0.01], "radii": [radius], "centers": [(0.0, 0.0, 1.0)]}  # above any robot
-        log(MARK, rr.Cylinders3D(**disc, colors=[DRIVEN], fill_mode="solid"))
+    if not subject.in_space:
+        _from_above(scene, log)
     log(FOLLOWING, rr.Pinhole(fov_y=0.9, aspect_ratio=1.5, image_plane_distance=DEPTH))
-    named = lift(np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)]), 0.02)
+    named = placed(np.vstack([scene.goal.center, subject.space.homology.markers]), 0.02)
     look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
     log("/world/scene/names", rr.Points3D(named, labels=["goal", *labels(subject.names)], **look))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
@@ -161,9 +150,43 @@ def stage(subject: Subject, log: Log) -> None:
         log(f"{TIMES}/now/robot", rr.Points3D([(0.0, 0.0, 0.0)], radii=rr.Radius.ui_points(9.0), colors=[DRIVEN]))
 
 
+def _room(scene: Scene, log: Log) -> None:
+    """Log floor, border and goal: a disc, or in space a ball in a box."""
+    low, high = (np.append(corner, 0.0)[:3] for corner in (scene.lower, scene.upper))
+    half = 0.5 * (high - low)
+    middle = 0.5 * (low + high)
+    radius = scene.goal.radius
+    bottom = low[2] - scene.robot_radius if half[2] else 0.0
+    floor = {"centers": [(*middle[:2], bottom - 0.012)], "half_sizes": [(*half[:2], 0.01)]}
+    log("/world/scene/floor", rr.Boxes3D(**floor, colors=[FLOOR], fill_mode="solid"))
+    if half[2]:
+        frame = {"centers": [middle], "half_sizes": [half]}
+        log("/world/scene/border", rr.Boxes3D(**frame, radii=0.006, colors=[BORDER], fill_mode="majorwireframe"))
+        ball = {"centers": [scene.goal.center], "half_sizes": [[radius] * 3]}
+        log("/world/scene/goal", rr.Ellipsoids3D(**ball, colors=[(*GOAL, 150)], fill_mode="solid"))
+    else:
+        log("/world/scene/border", rr.LineStrips3D(lift(outer(scene), 0.0)[None], radii=0.01, colors=[BORDER]))
+        disc = {"lengths": [0.004], "radii": [radius], "centers": [(*scene.goal.center, 0.002)]}
+        log("/world/scene/goal", rr.Cylinders3D(**disc, colors=[GOAL], fill_mode="solid"))
+
+
+def _from_above(scene: Scene, log: Log) -> None:
+    """Log an eye over the middle, north being up, and a mark of a robot that would be small on the map."""
+    wide, high = MARGIN * (scene.upper - scene.lower)  # Rerun fits the height of what it sees, whatever the width
+    size = 100.0 * np.array([wide, max(high, wide / NARROW)])
+    far = HEIGHT * float(size.max()) / 100.0
+    lens = rr.Pinhole(focal_length=100.0 * far, width=size[0], height=size[1], image_plane_distance=DEPTH)
+    middle = 0.5 * (scene.lower + scene.upper)
+    log(ABOVE, rr.Transform3D(translation=(*middle, far), mat3x3=np.diag([1.0, -1.0, -1.0])), lens)
+    if (radius := MARK_SIZE * size[1] / 100.0) > scene.robot_radius:
+        disc = {"lengths": [0.01], "radii": [radius], "centers": [(0.0, 0.0, 1.0)]}  # above any robot
+        log(MARK, rr.Cylinders3D(**disc, colors=[DRIVEN], fill_mode="solid"))
+
+
 def _texts(subject: Subject, log: Log) -> None:
     """Log what lines and colours mean, the settings of the run, and what the numbers on the map stand for."""
-    about = LEGEND.format(hz=subject.look.hz) + OPTIMAL * subject.look.truth + MOTIONS * subject.moves
+    classes = IN_SPACE if subject.in_space else IN_PLANE
+    about = LEGEND.format(hz=subject.look.hz, **classes) + OPTIMAL * subject.look.truth + MOTIONS * subject.moves
     settings = properties(subject.settings).items()
     rows = [f"| {name} | {f'{value:g}' if isinstance(value, float) else value} |" for name, value in settings]
     moving = " *Lilac*: moving obstacles." * subject.moves
@@ -192,31 +215,32 @@ def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
 
 
 class Following:
-    """An eye that the robot pulls behind itself on a rope, so that it turns slowly."""
+    """An eye above the robot, which pulls it behind itself on a level rope, so that it turns slowly."""
 
     def __init__(self, scene: Scene, start: Array) -> None:
         extent = float((scene.upper - scene.lower).max())
         self._back = min(max(0.3 * extent, 6.0 * scene.robot_radius), 12.0 * scene.robot_radius)
         self._place = np.array(start, dtype=float)
-        towards = scene.goal.center - self._place
-        self._eye = self._place - self._back * towards / max(float(np.hypot.reduce(towards)), 1e-9)
+        towards = scene.goal.center[:2] - self._place[:2]
+        self._eye = self._place[:2] - self._back * towards / max(float(np.hypot.reduce(towards)), 1e-9)
 
     def poses(self, points: Array, durations: Array) -> Array:
-        """Places [m] and quaternions, w last, (k, 7), as the robot is at points (k, 2) [m] for durations [s]."""
-        eyes = np.empty((len(points), 2))
+        """Places [m] and quaternions, w last, (k, 7), as the robot is at points (k, 3) [m] for durations [s]."""
+        eyes = np.empty((len(points), 3))
         ahead = np.empty((len(points), 2))
 
         for k, (point, dt) in enumerate(zip(points, durations, strict=True)):
             self._place = self._place + (1.0 - exp(-float(dt) / DELAY)) * (point - self._place)
-            rope = self._place - self._eye
+            rope = self._place[:2] - self._eye
             self._eye = self._eye + max(0.0, 1.0 - self._back / max(float(np.hypot.reduce(rope)), 1e-9)) * rope
-            eyes[k], ahead[k] = self._eye, self._place - self._eye
+            eyes[k, :2], eyes[k, 2] = self._eye, self._place[2] + 0.9 * self._back
+            ahead[k] = self._place[:2] - self._eye
         # A camera's axes are x right, y down, z ahead: turned to its course, then down to the robot.
         course = np.arctan2(ahead[:, 1], ahead[:, 0])
         down = np.arctan(0.9) - 0.1
         angles = np.column_stack([course - np.pi / 2, np.full(len(points), -np.pi / 2 - down)])
         turns = Rotation.from_euler("ZX", angles).as_quat()
-        return np.column_stack([eyes, np.full(len(points), 0.9 * self._back), turns])
+        return np.column_stack([eyes, turns])
 
 
 def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
@@ -253,16 +277,22 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
 def _drive(subject: Subject) -> rrb.Container:
     """With the robot, from above with a key, and below them the reasons of the plan and what happened."""
     tags = [f"{entity(MOVERS, mover.name)}/name" for mover in subject.space.scene.movers]
+    eye, target = subject.loaded.overview
+    orbit = rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0))
+    whole = ("Overview: drag to turn it", orbit) if subject.in_space else ("From above", _tracking(ABOVE))
     views = [
-        _space(name, ["$origin/**", *(f"- {path}" for path in without)], rrb.EyeControls3D(tracking_entity=eye),
-               ["/world/path"])
+        _space(name, ["$origin/**", *(f"- {path}" for path in without)], eye, ["/world/path"])
         for name, eye, without in (
-            ("With the robot", FOLLOWING, ["/world/scene/names", "/world/names", *tags, MARK, ABOVE]),
-            ("From above", ABOVE, [FOLLOWING]),
+            ("With the robot", _tracking(FOLLOWING), ["/world/scene/names", "/world/names", *tags, MARK, ABOVE]),
+            (*whole, [FOLLOWING]),
         )
-    ]  # fmt: skip
+    ]
     upper = rrb.Horizontal(*views, rrb.TextDocumentView(origin="/key", name="Key"), column_shares=[4, 6, 2])
     return rrb.Vertical(upper, rrb.Horizontal(*_words(), column_shares=[5, 3]), row_shares=[5, 3], name="Drive")
+
+
+def _tracking(path: str) -> Any:
+    return rrb.EyeControls3D(tracking_entity=path)
 
 
 def _why(subject: Subject) -> rrb.Container:

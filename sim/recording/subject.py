@@ -44,6 +44,11 @@ class Subject:
         return self.path_integral.space
 
     @property
+    def in_space(self) -> bool:
+        """Return whether the robot moves in space."""
+        return self.space.scene.dimension == 3
+
+    @property
     def moves(self) -> bool:
         """Return whether obstacles move in the scene."""
         return bool(self.space.scene.movers)
@@ -58,7 +63,7 @@ class Subject:
         """Obstacles, from 0, whose H lifts a tree."""
         if self.look.lift is not None:
             return tuple(dict.fromkeys(k - 1 for k in self.look.lift))
-        if self.moves or self.tree is None:  # a tree of many times, seen from above all at once, shows nothing
+        if self.moves or self.in_space or self.tree is None:  # of many times, or in space: all at once shows nothing
             return ()
         return telling(self.tree, self.path_integral.problem.dynamics.state_of(self.space.scene.start))
 

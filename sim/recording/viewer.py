@@ -169,6 +169,8 @@ class Look:
     def check(self, space: FreeSpace) -> None:
         """Make sure that the obstacles to lift by are there; the OptionError has the numbers that there are."""
         M = len(space.obstacles)
+        if self.lift is not None and space.scene.dimension == 3:
+            raise OptionError("--record-lift draws H as a height, which a robot in space has already; leave it out")
         if not all(1 <= k <= M for k in self.lift or ()):
             numbers = ",".join(map(str, self.lift or ()))
             there = f"has the obstacles 1 to {M}; name one or two" if M else "has no obstacles to wind around; leave it"

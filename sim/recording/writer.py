@@ -86,7 +86,7 @@ class Writer:
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
         self._robot = RobotPoses(subject.loaded)
-        self._eye = Following(scene, self._adapter.above(scene.start))
+        self._eye = Following(scene, self._adapter.drawn(scene.start, 0.0))
         self._mocap = Mocap(subject.loaded.model, scene.movers) if scene.movers else None
         self._shown = [np.full(7, np.nan) for _ in scene.movers]  # the last pose that was written of each
         name = (scene.name, subject.settings.get("method"), subject.settings.get("seed"))
@@ -97,7 +97,7 @@ class Writer:
         # Places before there is anything to see: what has none yet would be at the origin.
         start = np.asarray(self._dynamics.state_of(scene.start))[None]
         self._transforms("/world/robot", BEGIN, self._robot.at(start))
-        self._transforms(FOLLOWING, BEGIN, self._eye.poses(self._adapter.above(start), np.zeros(1)))
+        self._transforms(FOLLOWING, BEGIN, self._eye.poses(self._adapter.drawn(start, 0.0), np.zeros(1)))
         self._movers(BEGIN)
         stage(subject, stream.static)
         self._plots = Plots(stream, subject, colors)
@@ -145,7 +145,7 @@ class Writer:
         controls = [[np.array(u) for u in (r.cells["control"], r.cells["exact_control"]) if u] for r in rows]
         vectors = [self._ahead(x, u) for x, known in zip(states, controls, strict=True) for u in known]
         lengths = [len(known) for known in controls]
-        eyes = self._eye.poses(self._adapter.above(np.array(states)), np.array([r["duration"] for r in rows]))
+        eyes = self._eye.poses(self._adapter.drawn(np.array(states), 0.0), np.array([r["duration"] for r in rows]))
         self._transforms(FOLLOWING, moments, eyes)
         pieces = [single(self._adapter.drawn(r.states, 0.06)) for r in rows]
         self.stream.columns("/world/path", moments, rr.LineStrips3D.columns(strips=pieces))

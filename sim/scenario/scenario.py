@@ -82,6 +82,8 @@ class Scenario:
         s = self.settings
         if s.method == "optimal" and self.moving and s.predict != "known":
             raise OptionError(f"the optimal law knows how bodies move; leave out --predict {s.predict}")
+        if s.method == "mppi" and s.mppi_terminal != "straight" and self.system.adapter.dimension == 3:
+            raise OptionError("--method mppi knows shortest paths on the ground only; add --mppi-terminal straight")
         check_size(self)
 
     def __repr__(self) -> str:
@@ -254,6 +256,7 @@ class Scenario:
             solver_for(self.problem, self.space, dt)
         except OptionError:
             where, who = (" among moving bodies", "puck") if self.moving else ("", "puck or unicycle")
+            who = "ball" if self.system.adapter.dimension == 3 else who
             raise OptionError(
                 f"no grid solves the problem of {self.system.called}{where}, so its exact value and optimal control "
                 f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"

@@ -5,6 +5,7 @@ member is a new file and a line in `ADAPTERS`.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from sim.states.adapter import Component, Joints, StateAdapter
 from sim.states.plane import Plane
@@ -12,10 +13,7 @@ from sim.states.space import Space
 
 __all__ = ["ADAPTERS", "Component", "Joints", "StateAdapter", "adapter_of", "forms_of"]
 
-ADAPTERS: tuple[type[StateAdapter], ...] = (
-    Plane,
-    Space,
-)  # the first one's names are the default of tables and messages
+ADAPTERS: tuple[type[StateAdapter], ...] = (Plane, Space)  # names of the first are those of tables and messages
 
 
 def adapter_of(states: Sequence[str]) -> StateAdapter:
@@ -27,8 +25,16 @@ def adapter_of(states: Sequence[str]) -> StateAdapter:
     return kind(states)
 
 
-def forms_of(what: str) -> tuple[tuple[str, ...] | str, int | str]:
-    """Return metavar and count of an option whose numbers adapters name in this attribute; any count if they differ."""
-    first, *others = (getattr(one, what) for one in ADAPTERS)
-    same = all(len(one) == len(first) for one in others)
-    return (first, len(first)) if same else (" ".join(first), "+")
+class Forms(NamedTuple):
+    """Forms of an option whose numbers depend on the kind of robot."""
+
+    metavar: str
+    text: str  # all of them
+    counts: frozenset[int]  # of numbers
+
+
+def forms_of(what: str) -> Forms:
+    """Return the forms that adapters name in this attribute."""
+    forms = [getattr(one, what) for one in ADAPTERS]
+    counts = {len(form) for form in forms} | {sum("[" not in one for one in form) for form in forms}
+    return Forms(" ".join((*forms[0][:2], "...")), f"{', or '.join(map(' '.join, forms))} in space", frozenset(counts))

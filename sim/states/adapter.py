@@ -62,12 +62,9 @@ class StateAdapter(ABC):
     dimension: ClassVar[int]  # of a position: so many first names of `pose` begin every state
     velocities: ClassVar[tuple[str, ...]]  # names of speeds along the axes, in their order [m/s]
     speeds: ClassVar[tuple[str, ...]]  # names of speeds of the body ahead [m/s]
-    start_counts: ClassVar[tuple[int, ...]]  # how many numbers a start has, least first
-    start_words: ClassVar[str]  # what a start must be, for messages
-    start_help: ClassVar[str]  # with units, for the help
-    goal_help: ClassVar[str]
+    start_form: ClassVar[tuple[str, ...]]  # numbers of a start, those in brackets of some
     goal_form: ClassVar[tuple[str, ...]]  # numbers of a goal
-    border_form: ClassVar[tuple[str, ...]]  # numbers of a workspace, least and greatest by axis
+    workspace_form: ClassVar[tuple[str, ...]]  # numbers of a workspace, least and greatest by axis
 
     def __init__(self, states: Sequence[str]) -> None:
         self.states = tuple(states)

@@ -33,12 +33,9 @@ class Plane(StateAdapter):
     dimension = 2
     velocities = ("vx", "vy")
     speeds = ("speed",)
-    start_counts = (2, 3)
-    start_words = "X Y, and TH of a robot with a heading"
-    start_help = "X Y [m], and TH [rad] of a robot with a heading"
-    goal_help = "disc around X Y with radius R [m]"
+    start_form = ("X", "Y", "[TH]")
     goal_form = ("X", "Y", "R")
-    border_form = ("X0", "X1", "Y0", "Y1")
+    workspace_form = ("X0", "X1", "Y0", "Y1")
 
     def __init__(self, states: Sequence[str]) -> None:
         super().__init__(states)
@@ -51,7 +48,7 @@ class Plane(StateAdapter):
 
     def start(self, data: Any, site: int, given: Sequence[float] | None) -> Array:
         """Read x, y [m] and heading [rad], (3,); the x-axis of the site is the heading."""
-        if given is not None and len(given) not in self.start_counts:
+        if given is not None and len(given) not in (2, 3):
             raise SceneError(f"the start has {counted(len(given), 'number')}; give x, y and optionally a heading")
         if given is None and site < 0:
             raise SceneError('no site "start"; add <site name="start" pos="x y 0"/> or give --start X Y')

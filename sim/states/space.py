@@ -29,12 +29,9 @@ class Space(StateAdapter):
     dimension = 3
     velocities = ("vx", "vy", "vz")
     speeds = ()
-    start_counts = (3,)
-    start_words = "X Y Z"
-    start_help = "X Y Z [m]"
-    goal_help = "ball around X Y Z with radius R [m]"
+    start_form = ("X", "Y", "Z")
     goal_form = ("X", "Y", "Z", "R")
-    border_form = ("X0", "X1", "Y0", "Y1", "Z0", "Z1")
+    workspace_form = ("X0", "X1", "Y0", "Y1", "Z0", "Z1")
 
     def start_of(self, x: Array) -> Array:
         """Return x, y and z, (3,) [m]."""

@@ -16,18 +16,21 @@ class Slides:
     def __init__(self, states: StateAdapter) -> None:
         self.names = states.pose
         self.rates = states.velocities
-        self._speeds = [states.states.index(name) for name in states.velocities if name in states.states]
+        known = [(k, states.states.index(name)) for k, name in enumerate(self.rates) if name in states.states]
+        self._axes = [axis for axis, _ in known]  # of which the speed is a state
+        self._speeds = [place for _, place in known]
 
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
         """Place the robot at `state` (n,)."""
         data.qpos[:] = state[:3]
-        data.qvel[:] = state[self._speeds] if self._speeds else 0.0
+        data.qvel[:] = 0.0
+        data.qvel[self._axes] = state[self._speeds]
 
     def read(self, data: mujoco.MjData, before: Array) -> Array:
         """Return the state now, (n,)."""
         state = before.copy()
         state[:3] = data.qpos
-        state[self._speeds] = data.qvel[: len(self._speeds)]
+        state[self._speeds] = data.qvel[self._axes]
         return state
 
 

@@ -4,7 +4,9 @@ import pytest
 
 from pirrht.errors import PirrhtError
 from sim.mjcf import load
+from sim.systems import SYSTEMS
 
+ON_GROUND = tuple(robot for one in SYSTEMS if one.adapter.dimension == 2 for robot in one.robots)
 GOAL = '<site name="goal" type="cylinder" pos="9 9 0" size="0.4 0.01"/>'
 START = '<site name="start" pos="1 1 0"/>'
 SPACE = '<site name="workspace" type="box" pos="5 5 0" size="5 5 1"/>'

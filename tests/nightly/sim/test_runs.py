@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from doors import door
+from mjcf_samples import ON_GROUND
 from tug import Tug
 
 from pirrht import OptionError, Outcome
@@ -10,7 +11,7 @@ from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim import systems
 from sim.cli import main
-from sim.mjcf import robot_names, scene_names
+from sim.mjcf import scene_names
 from sim.scenario import prepare
 from sim.scenario.scenario import ENOUGH
 from sim.systems import System
@@ -122,7 +123,7 @@ def test_an_estimate_inside_the_margin_is_the_exact_value(tmp_path):
     assert abs(estimate.value - float(scenario.truth().value(scenario.start))) < 4.0 * estimate.value_error + 0.005
 
 
-@pytest.mark.parametrize("robot", robot_names())
+@pytest.mark.parametrize("robot", ON_GROUND)
 def test_every_robot_drives_out_of_the_margin_into_a_partly_covered_goal(tmp_path, robot):
     (tmp_path / "room.xml").write_text(COVERED)
     scenario = prepare(tmp_path / "room.xml", robot=robot, margin=0.15, given={"max_time": 15.0})

@@ -52,7 +52,7 @@ import numpy as np
 from pirrht import Dynamics
 from sim.systems import System
 
-class Drone(Dynamics):  # no MuJoCo robot has its states, and it declares no twist
+class Glider(Dynamics):  # no MuJoCo robot has its states, and it declares no twist
     n, m, states = 4, 2, ("x", "y", "u", "v")
     parameters, control_block, diffusion_block = np.zeros(0), np.eye(2), 0.1 * np.eye(2)
 
@@ -60,7 +60,7 @@ class Drone(Dynamics):  # no MuJoCo robot has its states, and it declares no twi
     def drift(x, p, out):
         out[0], out[1], out[2], out[3] = x[2], x[3], 0.0, 0.0
 
-class Heron(Drone):
+class Heron(Glider):
     n, m, states = 3, 1, ("x", "y", "heading")
     control_block, diffusion_block = np.eye(1), 0.1 * np.eye(1)
 
@@ -68,7 +68,7 @@ class Heron(Drone):
     def drift(x, p, out):
         out[0], out[1], out[2] = np.cos(x[2]), np.sin(x[2]), 0.0
 
-DRONE = System(name="drone", dynamics=lambda s: Drone(), R=np.eye(2), heeds=(), pace=1.0)
+GLIDER = System(name="glider", dynamics=lambda s: Glider(), R=np.eye(2), heeds=(), pace=1.0)
 HERON = System(name="heron", dynamics=lambda s: Heron(), R=np.eye(1), heeds=(), pace=1.0)
 """
 MODULES["fleet"] = MODULES["rafts"] + "SUNK = System(name='sunk', dynamics=None, R=None, defaults={'perod': 0.1})\n"
@@ -167,13 +167,13 @@ def test_states_are_those_of_the_dynamics_and_joints_those_of_the_place(folder):
 
 
 @pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive"])
-@pytest.mark.parametrize("name", ["DRONE", "HERON"])
+@pytest.mark.parametrize("name", ["GLIDER", "HERON"])
 def test_the_equation_alone_is_driven_without_joints_and_without_a_twist(folder, robot, name):
     scenario = prepare("slit", system=f"flying:{name}", robot=robot, plant="sde")
     d, plant = scenario.problem.dynamics, scenario.plant()
     plant.advance(lambda x, s: np.zeros(d.m), np.random.default_rng(0))
     assert plant.state.shape == (d.n,)
-    misfit = (name, robot) in {("HERON", "puck"), ("DRONE", "unicycle"), ("DRONE", "diffdrive")}
+    misfit = (name, robot) in {("HERON", "puck"), ("GLIDER", "unicycle"), ("GLIDER", "diffdrive")}
     why = "must have these joints|has a heading, and" if misfit else "has no u|declares no twist"
     with pytest.raises(OptionError, match=why):
         scenario.with_settings(plant="mujoco").plant()
@@ -237,7 +237,7 @@ def test_a_system_that_cannot_work_is_refused(field, value, what):
 
 
 def test_numbers_that_a_system_has_none_of_are_refused(folder):
-    for option, robot, who in (("speed", "hover", "puck, unicycle or rover"), ("rho", "puck", "unicycle")):
+    for option, robot, who in (("speed", "hover", "puck, unicycle, rover or ball"), ("rho", "puck", "unicycle")):
         with pytest.raises(OptionError, match=f"--{option} is for {who}, not for {robot}"):
             prepare("slit", robot=robot, given={option: 2.0})
     with pytest.raises(OptionError, match=r'--noise is for .*; leave it out, or write `heeds=\("noise",\)`'):

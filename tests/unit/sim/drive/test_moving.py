@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from mjcf_samples import ON_GROUND
 from plants import QUIET, STEP, body, both, driven, hold, moving_scene, problem_of, rows, states_of
 
 from pirrht import Outcome, SingleIntegrator, Unicycle
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Workspace
-from sim.mjcf import load, robot_names
+from sim.mjcf import load
 from sim.scenario import prepare
 
 EVERYWHERE = np.full(2, np.inf)
@@ -102,7 +103,7 @@ def rushed_by(file, robot: str, kind: str = "mujoco", margin: float = 0.03):
     return scenario.plant().advance(hold(*np.zeros(scenario.problem.dynamics.m)), np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("robot", robot_names())
+@pytest.mark.parametrize("robot", ON_GROUND)
 @pytest.mark.parametrize("speed", [500.0, 3e5])
 def test_a_motion_that_leaps_over_the_robot_within_a_step_touches_it(tmp_path, robot, speed):
     """A disc is on one side of the robot, which plans with a margin, and on the other a step later."""

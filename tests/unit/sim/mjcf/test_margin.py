@@ -3,12 +3,12 @@
 import mujoco
 import numpy as np
 import pytest
-from mjcf_samples import refusal, robot_mjcf
+from mjcf_samples import ON_GROUND, refusal, robot_mjcf
 from plants import scene_file
 
 from pirrht import Outcome
 from pirrht.geometry.collision import Collision
-from sim.mjcf import Loaded, load, robot_names
+from sim.mjcf import Loaded, load
 from sim.scenario import prepare
 
 
@@ -19,7 +19,7 @@ def solids(loaded: Loaded) -> list[tuple]:
     return sorted((int(model.geom_type[g]), *model.geom_size[g], *model.geom_pos[g]) for g in numbers)
 
 
-@pytest.mark.parametrize("robot", robot_names())
+@pytest.mark.parametrize("robot", ON_GROUND)
 def test_plans_take_the_robot_to_be_larger_and_what_it_weighs_and_collides_with_stays(robot):
     plain, wide = load("slit", robot=robot), load("slit", robot=robot, margin=0.03)
     assert wide.scene.robot_radius == pytest.approx(plain.scene.robot_radius + 0.03)

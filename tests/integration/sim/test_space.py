@@ -1,0 +1,95 @@
+"""Robots in space: they fly in MuJoCo through the window, and recordings and pictures of them are read back."""
+
+import json
+
+import numpy as np
+import pytest
+from drives import columns, logged, static
+from rerun.chunk import RrdReader
+
+from sim.cli import main
+from sim.drawing.ways import ways_in
+from sim.mjcf import load
+from sim.recording.recorder import Look, Recorder, Sinks
+from sim.scenario import prepare
+
+NEAR = {"start": (2.3, 2.0, 1.0), "goal": (3.9, 2.0, 1.0, 0.3), "samples": 100, "vertices": 200, "seed": 1}
+
+
+def flown(robot, **more):
+    """A short flight through the window."""
+    scenario = prepare("window", robot=robot, given={**NEAR, **more})
+    tree = scenario.grown_tree()
+    driver = scenario.driver(tree)
+    return scenario, tree, driver, scenario.drive(scenario.plant(), driver)
+
+
+def test_the_window_is_read_at_all_heights_for_a_ball_and_at_its_height_for_a_puck():
+    solid = ["wall below", "wall above", "wall right", "wall left"]
+    ball, drone, puck = (load("window", robot=robot) for robot in ("ball", "drone", "puck"))
+    for loaded in (ball, drone):
+        scene = loaded.scene
+        assert [one.name for one in scene.obstacles] == solid
+        np.testing.assert_allclose([*scene.lower, *scene.upper], [0.2, 0.2, 0.2, 5.8, 3.8, 2.8])
+        np.testing.assert_allclose([*scene.start, *scene.goal.center, scene.goal.radius], [0.8, 2, 1, 5.2, 2, 1, 0.3])
+        assert loaded.command.shape == (3, 3)
+        eye, target = loaded.overview
+        assert np.all((target > scene.lower) & (target < scene.upper))
+        assert eye[2] > scene.upper[2]
+    assert [one.name for one in puck.scene.obstacles] == ["wall below"]
+    assert (puck.scene.dimension, len(puck.scene.goal.center)) == (2, 2)
+
+
+@pytest.mark.parametrize(("robot", "noise"), [("ball", 0.2), ("drone", 0.3)])
+def test_a_robot_in_space_flies_through_the_window_without_contact(robot, noise):
+    scenario, tree, _, drive = flown(robot, noise=noise)
+    references = scenario.references(tree)
+    words = dict(zip([one.id for one in references], ways_in(scenario.space, references, scenario.names), strict=True))
+    assert {*words.values()} == {"through the opening in wall", "over wall"}
+    frames = list(drive)
+    run = frames[-1].metrics
+    assert (run.outcome, words[run.executed_class]) == ("goal", "through the opening in wall")
+    assert run.min_clearance > 0.0
+    heights = np.concatenate([frame.advance.states for frame in frames])[:, 2]
+    assert 0.65 + 0.2 < heights.min() < heights.max() < 1.35 - 0.2 + 0.3
+    assert np.ptp(heights) > 0.005  # noise acts along all axes
+
+
+def test_a_recording_of_a_ball_has_an_orbiting_eye_paths_at_their_height_and_ways_in_words(tmp_path):
+    scenario, tree, driver, drive = flown("ball", noise=0.4, max_time=0.3)
+    file = tmp_path / "ball.rrd"
+    settings = {"scene": "window", "seed": 1, "method": "pi-rrht"}
+    frames = logged(
+        Recorder(scenario.loaded, tree, driver.path_integral, Sinks(file=file), Look(), settings=settings), drive
+    )
+    table = columns(file)
+    at = np.array(table["/world/robot"]["Transform3D:translation"]).reshape(-1, 3)
+    np.testing.assert_allclose(at[-1], frames[-1].state, atol=1e-6)
+    eyes = np.array(table["/world/eyes/following"]["Transform3D:translation"]).reshape(-1, 3)
+    assert np.all((eyes[:, 2] > 1.5) & (eyes[:, 0] < at[0, 0]))
+    strips = np.concatenate([np.concatenate(row) for row in table["/world/references"]["LineStrips3D:strips"]])
+    assert np.ptp(strips[:, 2]) > 1.0  # over the wall
+    entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream()}
+    assert {"/world/scene/goal", "/world/scene/border", "/world/samples/0"} <= entities
+    assert not {"/world/eyes/above", "/tree/1/edges"} & entities
+    assert static(file, "/world/scene/names", "Points3D:labels") == ["goal", "1 wall"]
+    for (text,) in table["/why/page"]["TextDocument:text"]:
+        assert all(way in text.lower() for way in ("through the opening in wall", "over wall"))
+    labels = {text for row in table["/world/names"]["Points3D:labels"] for text in row}
+    assert all(text.startswith(("through the opening in wall   ", "over wall   ")) for text in labels)
+
+
+def test_a_plan_in_space_is_told_drawn_and_written(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    picture, file = tmp_path / "plan.png", tmp_path / "plan.json"
+    assert main(["plan", "window", "--vertices", "200", "--png", str(picture), "--json", str(file)]) == 0
+    head, _, *rows = capsys.readouterr().out.splitlines()
+    assert head.split() == ["class", "cost", "length", "[m]", "H", "way"]
+    known = json.loads(file.read_text())
+    ways = [row["way"] for row in known["classes"]]
+    assert ways == ["through the opening in wall", "over wall"]
+    assert all(row.endswith(way) for row, way in zip(rows, ways, strict=False))
+    assert known["passages"] == {"open": 0, "unused": []}
+    assert [one["name"] for one in known["obstacles"]] == ["wall"]
+    assert len(known["obstacles"][0]["marker"]) == 3
+    assert picture.stat().st_size > 20_000
