@@ -110,7 +110,7 @@ def page() -> str:
         known = load(name)
         parts.append(
             f"\n## {name}\n\n{known.about}\n\n"
-            f"![{name}](gallery/{name}.webp) ![{name}, run](gallery/{name}-drive.webp)\n"
+            f"![{name}](gallery/{name}.webp) ![{name}](gallery/{name}-drive.webp)\n"
         )
     return "".join(parts)
 
