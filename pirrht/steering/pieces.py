@@ -125,7 +125,7 @@ SHARES = np.array([(s * (1.0 - t), s * t) for s in STEPS for t in STEPS])  # of 
 
 
 class InSpace:
-    """What lines in space do otherwise than those in the plane."""
+    """Parts of steering by lines that differ in space from those in the plane."""
 
     n = D
     motion = PIECES
