@@ -13,8 +13,6 @@ from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics
 
-STRIDES = (0.7548776662, 0.5698402910, 0.4301597090)  # of places that fill a workspace evenly, by axis
-
 
 @jitable
 def unit_rate(x, p):  # type: ignore[no-untyped-def]
@@ -155,8 +153,9 @@ class Problem:
         count = 1 if self.dynamics.constant and not callable(self.R) else 16
         lower, upper = self.dynamics.box(self.scene)
         fraction = np.tile(np.linspace(0.0, 1.0, count)[:, None], self.dynamics.n)
+        strides = np.array([0.7548776662, 0.5698402910, 0.4301597090])
         fraction[:, list(self.dynamics.position)] = (
-            np.arange(1, count + 1)[:, None] * np.array(STRIDES[: len(self.dynamics.position)])
+            np.arange(1, count + 1)[:, None] * strides[: len(self.dynamics.position)]
         ) % 1.0
         return list(lower + fraction * (upper - lower))
 

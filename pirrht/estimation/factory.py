@@ -31,6 +31,7 @@ class ProposalFactory:
     Attributes:
         world: the predicted world, shared with sampler and guides.
         guidance: makes guides that samples follow; None: there are none.
+        gated: whether walls push on top of the law of guides.
         pointlike: whether samples follow feedback and controls move positions.
         climbs: whether samples climb the desirability of their class instead of following control sequences.
         climbs_too: whether some samples climb next to others that follow guides: of a point among moving obstacles.
@@ -55,6 +56,7 @@ class ProposalFactory:
         self.guidance = (
             DDPGuidance(problem, world, sways=sampling.fitted) if feedback and DDPGuidance.suits(problem) else None
         )
+        self.gated = self.guidance is not None and self.guidance.gated
         self.pointlike = feedback and traits.point
         self.climbs = feedback and traits.climbs(world.moving)
         self.climbs_too = world.moving and feedback and traits.isotropic_point
@@ -180,9 +182,8 @@ class ProposalFactory:
         d = self.problem.dynamics
 
         guidance = self.guidance
-        gated = guidance is not None and guidance.gated
-        drifts = self.climbs or gated
-        pushed = gated or self.world.moving
+        drifts = self.climbs or self.gated
+        pushed = self.pointlike and (self.world.moving or self.gated)
 
         H = len(batch.proposals)
         T = len(times) - 1
@@ -206,7 +207,7 @@ class ProposalFactory:
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T * FINER, guidance.law_width if guidance else 0)), law_length=np.zeros(H, np.int64),
             classes=homology.table, marks=homology.rays(x, times + batch.time),
-            law_weight=wall_drift.linear_law_weight(scales.noise, near) if self.pointlike and pushed else 1.0,
+            law_weight=wall_drift.linear_law_weight(scales.noise, near) if pushed else 1.0,
         )  # fmt: skip
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(tables, h)

@@ -20,7 +20,6 @@ from pirrht.freespace import FreeSpace
 from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 
-AXES = np.vstack([np.eye(3, dtype=np.int64), -np.eye(3, dtype=np.int64)])  # an arm and, three further on, its opposite
 WHOLE, CUT, KNOWN = -1, 0, -2  # kinds of points; rows of cut ones count from CUT
 
 
@@ -135,7 +134,8 @@ def _cut(
     ends = np.full((len(places), 6), np.nan)
     points = lower + spacing * places
     most = np.array(free.shape) - 1
-    for a, axis in enumerate(AXES):
+    axes = np.eye(3, dtype=np.int64)
+    for a, axis in enumerate([*axes, *-axes]):
         heads = places + axis
         inside = np.all((heads >= 0) & (heads <= most), axis=1)
         open_head = np.zeros(len(places), dtype=np.bool_)
@@ -168,52 +168,64 @@ def _exits(domain: Domain, tails: Array, span: Array) -> tuple[Array, BoolArray]
 
 
 @kernel
+def _of_neighbours(log_psi, weights, i, j, k):  # type: ignore[no-untyped-def]
+    """Return what psi at a point is by all its neighbours, as a share of what it is."""
+    here = log_psi[i, j, k]
+    total = 0.0
+    for a in range(-1, 2):
+        for b in range(-1, 2):
+            for c in range(-1, 2):
+                apart = a * a + b * b + c * c
+                if apart > 0:
+                    total += weights[apart - 1] * math.exp(log_psi[i + a, j + b, k + c] - here)
+    return total
+
+
+@kernel
+def _end_of_arm(grid, row, arm, i, j, k):  # type: ignore[no-untyped-def]
+    """Return log psi [nats] at the end of an arm of a point, a neighbour or where it is cut, and its length [m]."""
+    move = 1 if arm < 3 else -1
+    axis = arm % 3
+    if row >= CUT and not math.isnan(grid.ends[row, arm]):
+        return grid.ends[row, arm], grid.arms[row, arm]
+    at = grid.log_psi[
+        i + (move if axis == 0 else 0), j + (move if axis == 1 else 0), k + (move if axis == 2 else 0)
+    ]  # fmt: skip
+    return at, grid.spacing
+
+
+@kernel
+def _of_arms(grid, row, rate, i, j, k):  # type: ignore[no-untyped-def]
+    """Return what psi at a point is by the ends of its six arms, as a share of what it is."""
+    here = grid.log_psi[i, j, k]
+    total = 0.0
+    own = rate
+    for axis in range(3):
+        end, ahead = _end_of_arm(grid, row, axis, i, j, k)
+        other, behind = _end_of_arm(grid, row, axis + 3, i, j, k)
+        own += 2.0 / (ahead * behind)
+        total += 2.0 / (ahead + behind) * (math.exp(end - here) / ahead + math.exp(other - here) / behind)
+    return total / own
+
+
+@kernel
 def _relax(grid, weights, rate, factor, backwards):  # type: ignore[no-untyped-def]
     """Relax log psi at all free points once, in order or backwards; return the largest change [nats]."""
-    nx, ny, nz = grid.log_psi.shape
     log_psi = grid.log_psi
-    face, edge, corner = weights
+    _, ny, nz = log_psi.shape
     worst = 0.0
-    for step_x in range(nx):
-        i = nx - 1 - step_x if backwards else step_x
-        for step_y in range(ny):
-            j = ny - 1 - step_y if backwards else step_y
-            for step_z in range(nz):
-                k = nz - 1 - step_z if backwards else step_z
-                row = grid.row[i, j, k]
-                if row == KNOWN:
-                    continue
-                here = log_psi[i, j, k]
-                total = 0.0
-                if row == WHOLE:
-                    for a in range(-1, 2):
-                        for b in range(-1, 2):
-                            for c in range(-1, 2):
-                                apart = a * a + b * b + c * c
-                                if apart > 0:
-                                    weight = face if apart == 1 else (edge if apart == 2 else corner)
-                                    total += weight * math.exp(log_psi[i + a, j + b, k + c] - here)
-                else:
-                    own = rate
-                    for axis in range(3):
-                        ahead = grid.arms[row, axis]
-                        behind = grid.arms[row, axis + 3]
-                        own += 2.0 / (ahead * behind)
-                        for side in range(2):
-                            arm = axis + 3 * side
-                            end = grid.ends[row, arm]
-                            if math.isnan(end):
-                                move = 1 - 2 * side
-                                end = log_psi[
-                                    i + (move if axis == 0 else 0), j + (move if axis == 1 else 0),
-                                    k + (move if axis == 2 else 0),
-                                ]  # fmt: skip
-                            length = ahead if side == 0 else behind
-                            total += 2.0 / (length * (ahead + behind)) * math.exp(end - here)
-                    total /= own
-                change = math.log(max(1.0 + factor * (total - 1.0), 0.5 * total))
-                log_psi[i, j, k] = here + change
-                worst = max(worst, abs(change))
+    for step in range(log_psi.size):
+        at = log_psi.size - 1 - step if backwards else step
+        i = at // (ny * nz)
+        j = at // nz % ny
+        k = at % nz
+        row = grid.row[i, j, k]
+        if row == KNOWN:
+            continue
+        share = _of_neighbours(log_psi, weights, i, j, k) if row == WHOLE else _of_arms(grid, row, rate, i, j, k)
+        change = math.log(max(1.0 + factor * (share - 1.0), 0.5 * share))
+        log_psi[i, j, k] += change
+        worst = max(worst, abs(change))
     return worst
 
 
@@ -250,9 +262,15 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
 @kernel
 def _between(grid, i, j, k, place, slope):  # type: ignore[no-untyped-def]
     """Interpolate log psi and its slope by cubics between free points."""
-    u, v, w = place[0] - i, place[1] - j, place[2] - k
-    along_x, along_y, along_z = cubic(u), cubic(v), cubic(w)
-    rise_x, rise_y, rise_z = slopes(u), slopes(v), slopes(w)
+    u = place[0] - i
+    v = place[1] - j
+    w = place[2] - k
+    along_x = cubic(u)
+    along_y = cubic(v)
+    along_z = cubic(w)
+    rise_x = slopes(u)
+    rise_y = slopes(v)
+    rise_z = slopes(w)
     total = 0.0
     for a in range(4):
         for b in range(4):
@@ -283,24 +301,12 @@ def _next_to_wall(grid, i, j, k, place, slope):  # type: ignore[no-untyped-def]
     row = grid.row[at[0], at[1], at[2]]
     total = 1.0
     for axis in range(3):
-        ends = np.empty(2)
-        arms = np.full(2, grid.spacing)
-        for side in range(2):
-            move = 1 - 2 * side
-            end = math.nan
-            if row >= CUT:
-                arms[side] = grid.arms[row, axis + 3 * side]
-                end = grid.ends[row, axis + 3 * side]
-            if math.isnan(end):
-                end = grid.log_psi[
-                    at[0] + (move if axis == 0 else 0), at[1] + (move if axis == 1 else 0),
-                    at[2] + (move if axis == 2 else 0),
-                ]  # fmt: skip
-            ends[side] = math.exp(end - here) - 1.0
+        end, ahead = _end_of_arm(grid, row, axis, *at)
+        other, behind = _end_of_arm(grid, row, axis + 3, *at)
         s = (place[axis] - at[axis]) * grid.spacing
-        ahead, behind = arms
-        bend = (ends[0] / ahead + ends[1] / behind) / (ahead + behind)
-        rise = ends[0] / ahead - bend * ahead
+        front = math.exp(end - here) - 1.0
+        bend = (front / ahead + (math.exp(other - here) - 1.0) / behind) / (ahead + behind)
+        rise = front / ahead - bend * ahead
         total += s * (rise + s * bend)
         slope[axis] = rise + 2.0 * s * bend
     total = max(total, 1e-5 * math.sqrt(slope[0] ** 2 + slope[1] ** 2 + slope[2] ** 2))

@@ -21,8 +21,8 @@ from pirrht.jit.records import Held
 from pirrht.jit.streams import ONE, ZERO
 from pirrht.jit.vectors import combined, dot
 
-DIAGONAL = math.sqrt(3.0)
-_dot, _both = dot(3), combined(3)
+_dot = dot(3)
+_both = combined(3)
 
 
 class Lattice(NamedTuple):
@@ -66,7 +66,7 @@ class Ball(Held, Lattice):
             part = slice(first, first + slab)
             places = lattice(*label[part].shape) + np.array([first, 0, 0])
             walls = collision.nearest_walls((world.lower + h * places).reshape(-1, 3), members, farthest)
-            away = np.maximum(walls.first, radius) - DIAGONAL * h  # at least, of places in the cells around
+            away = np.maximum(walls.first, radius) - math.sqrt(3.0) * h  # at least, of places in the cells around
             excess = h**2 / (4.0 * np.maximum(away, 0.5 * radius))
             for out, distance in ((nearest, walls.first), (second, walls.second)):
                 out[part] = (distance - radius - excess).reshape(out[part].shape)
@@ -128,7 +128,8 @@ def _with_slope(static, grid, place):  # type: ignore[no-untyped-def]
     c, r = _pair(grid, beyond, w)
     d, s = _pair(grid, beyond + static.nz, w)
 
-    near, far = a + v * (b - a), c + v * (d - c)
+    near = a + v * (b - a)
+    far = c + v * (d - c)
     across = (1.0 - u) * (b - a) + u * (d - c)
     up = (1.0 - u) * (p + v * (q - p)) + u * (r + v * (s - r))
     return near + u * (far - near), ((far - near) * static.per, across * static.per, up * static.per)

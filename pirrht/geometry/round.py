@@ -136,7 +136,8 @@ def round_kernels(grid: GridKernels) -> RoundKernels:
     border, side, interpolate, with_slope = grid.border, grid.side, grid.interpolate, grid.with_slope
     closest, label, walls, along, entry = grid.closest, grid.label, grid.walls, grid.along, grid.entry
     axis, total, most_of, even, towards, line_of = covariances(width)
-    inner, both = dot(width), combined(width)
+    inner = dot(width)
+    both = combined(width)
     less = part(lambda a, b: both(1.0, a, -1.0, b))
     over = part(lambda a, by: (a[0] / by, a[1] / by))
     if width == 3:
@@ -278,7 +279,8 @@ def round_kernels(grid: GridKernels) -> RoundKernels:
     @kernel
     def march(arena, pose, moved, turn, clear, ahead):  # type: ignore[no-untyped-def]
         """March what `clear` [m] around the start and `ahead` [m] around the end leave open; 0: nothing is known."""
-        way, away = less(moved, pose), less(arena.goal, pose)
+        way = less(moved, pose)
+        away = less(arena.goal, pose)
         length = math.sqrt(inner(way, way))
         if length == 0.0:
             return endpoint_exit(arena, moved), 1.0, 0.0
@@ -310,7 +312,9 @@ def round_kernels(grid: GridKernels) -> RoundKernels:
         Returns: INSIDE or the Outcome, share of the step until the exit, and what is clear at its end, as far as is
             known.
         """
-        way, away, ahead = less(moved, pose), less(arena.goal, pose), 0.0
+        way = less(moved, pose)
+        away = less(arena.goal, pose)
+        ahead = 0.0
         arc = math.sqrt(inner(way, way) * (1.0 + 0.25 * turn * turn))
         reach = arc + arena.radius
         if inner(away, away) > reach * reach:

@@ -65,7 +65,8 @@ class MovingObstacleArrays(Held, ObstacleNumbers):
         """Gather obstacles around a robot, distances from whose solids are right up to a cutoff [m]."""
         excess = 0.0 if footprint.is_disc else TUNING.cover_share * GEOMETRY.excess
         discs = cover(footprint, excess)
-        least, most = float(discs[:, 2].min()), float(discs[:, 2].max())
+        least = float(discs[:, 2].min())
+        most = float(discs[:, 2].max())
         table, groups = grouped(footprint, discs, GEOMETRY.group_excess * excess)
         solids = [solid for mover in movers for solid in mover.solids]
         shapes, pitch = _shapes(solids, footprint.height, least, cutoff + most)

@@ -187,6 +187,15 @@ def proposer(
     return propose
 
 
+@kernel
+def _from_goal(around, x):  # type: ignore[no-untyped-def]
+    """Return the distance of a state's place from the goal point [radii of the goal]."""
+    away = 0.0
+    for k in range(len(around.goal)):
+        away = math.hypot(away, x[k] - around.goal[k])
+    return away / around.goal_radius
+
+
 @cache
 def growing(certify: Any) -> Any:
     """Build the kernel `grow` by the one that certifies vertices (`StateKernels.certify`)."""
@@ -202,10 +211,7 @@ def growing(certify: Any) -> Any:
             if status == BLOCKED:
                 i += 1
                 continue
-            away = 0.0
-            for k in range(len(around.goal)):
-                away = math.hypot(away, x[k] - around.goal[k])
-            away /= around.goal_radius
+            away = _from_goal(around, x)
             if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
                 return i, STATUS.ask
             root = away < 1.0

@@ -5,7 +5,7 @@ optima: to pass in front of a moving obstacle's end or to wait for it may both b
 two be free. A tree keeps the cheaper at every vertex, which need not be the cheaper once both are shortened.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -91,13 +91,8 @@ class ReferenceQuery(NamedTuple):
             return False, self._optima(x, edges, rows[rows["key"] == row["key"]]) if several else [path]
 
         found = mapped(of_class, classes, self.threads)
-        fresh = [i for i, (resumed, _) in enumerate(found) if self.shortened and not resumed]
-        if self.hopeless is not None:
-            least = {winding: options[0].cost.sum() for winding, (_, options) in zip(classes, found, strict=True)}
-            bound = self.hopeless(min(least.values()))
-            earlier = {winding: path.cost.sum() for winding, path in self.before.items()}
-            seem = [min((1.0 - TUNING.saving) * cost, earlier.get(w, np.inf)) for w, cost in least.items()]
-            fresh = [i for i in fresh if seem[i] <= bound]
+        worth = self._worth_shortening([*classes], [options[0].cost.sum() for _, options in found])
+        fresh = [i for i, (resumed, _) in enumerate(found) if worth[i] and not resumed]
         if known and steering.timed:
             fresh = [] if self.over_budget() else fresh[: TUNING.new_classes]
         paths = [options[0] for _, options in found]
@@ -111,6 +106,14 @@ class ReferenceQuery(NamedTuple):
             for winding, path in zip(classes, paths, strict=True)
         ]  # fmt: skip
         return sorted(references, key=lambda reference: reference.cost)
+
+    def _worth_shortening(self, classes: Sequence[tuple[int, ...]], costs: Sequence[float]) -> list[bool]:
+        """Check of classes, by costs [cost] before they are shortened, that they may come to have weight."""
+        if self.hopeless is None or not self.shortened:
+            return [self.shortened] * len(classes)
+        bound = self.hopeless(min(costs))
+        earlier = [self.before[one].cost.sum() if one in self.before else np.inf for one in classes]
+        return [min((1.0 - TUNING.saving) * cost, other) <= bound for cost, other in zip(costs, earlier, strict=True)]
 
     def _shortest(self, options: Mapping[int, list[Any]]) -> dict[int, Any]:
         """Shorten paths, of which there are some for each number; return the cheapest of each."""

@@ -54,7 +54,8 @@ def draw(axes: Any, scene: Scene, time: float = 0.0, seen: tuple[int, int] = (0,
     from matplotlib.patches import Circle, Polygon, Rectangle
 
     pick = list(seen)
-    lower, upper = scene.lower[pick], scene.upper[pick]
+    lower = scene.lower[pick]
+    upper = scene.upper[pick]
     solid = scene.dimension == 2  # else what is behind an obstacle shows through it
     axes.add_patch(Rectangle(tuple(lower), *(upper - lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
     for obstacle in scene.obstacles:

@@ -36,7 +36,9 @@ def optimiser(kind: KernelSpec) -> Any:
     moving = kind.moving is not None
 
     watch, _, _, _, sweep_among, *_ = kind.moving or NOTHING_MOVES
-    pose, sweep, place = pose_at(kind.reads), kind.space.sweep, pose_at(kind.position)
+    pose = pose_at(kind.reads)
+    place = pose_at(kind.position)
+    sweep = kind.space.sweep
     between, product = algebra(len(kind.position))
     planar = len(kind.position) == 2
     *_, key_of_step, _, watch_class, begin_class, follow_class = kind.classes or NO_CLASSES

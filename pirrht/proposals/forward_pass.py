@@ -75,7 +75,8 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     scratch_walls, clearance_cost, _ = clearance_costs(kind.space, len(kind.reads), kind.moving)
     pose, combined = pose_at(kind.reads), vectors.combined(len(kind.reads))
     position, d = kind.position, len(kind.position)
-    place, (between, product) = pose_at(position), algebra(d)
+    place = pose_at(position)
+    between, product = algebra(d)
     enters = entering(d)
     stranded = noisy_position and homing_of is no_homing
     along_line = kind.along_line

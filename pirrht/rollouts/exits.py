@@ -123,7 +123,9 @@ def exits(kind: KernelSpec) -> Any:
     swings, spread = space.turns and not noisy_position, space.spread
     bridge, sweep, end, distances = space.bridge, space.sweep, space.end, space.distances
     clearance, extent, combined = space.clearance, space.extent, vectors.combined(len(kind.reads))
-    pose, whole, scaled = pose_at(kind.reads), of_pose(len(kind.reads)), pose_noise(kind).scaled
+    pose = pose_at(kind.reads)
+    whole = of_pose(len(kind.reads))
+    scaled = pose_noise(kind).scaled
 
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]

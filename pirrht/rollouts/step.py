@@ -146,7 +146,8 @@ def gap_for(kind: KernelSpec) -> Any:
     """
     along_line = kind.along_line
     facing, spread = kind.space.facing, kind.space.spread
-    pose, whole = pose_at(kind.reads), of_pose(len(kind.reads))
+    pose = pose_at(kind.reads)
+    whole = of_pose(len(kind.reads))
 
     @part
     def gap_of(scratch, static, before, rates, close):  # type: ignore[no-untyped-def]
@@ -176,7 +177,8 @@ def length_for(kind: KernelSpec) -> Any:
     """Build the kernel that fits a step to the clearance, and writes moving walls near it: (dt, how many)."""
     moving, along_line, near = kind.moving is not None, kind.along_line, (kind.moving or NOTHING_MOVES).walls
     facing, spread = kind.space.facing, kind.space.spread
-    pose, of_rates = pose_at(kind.reads), of_pose(len(kind.reads))
+    pose = pose_at(kind.reads)
+    of_rates = of_pose(len(kind.reads))
 
     @part
     def narrowest(tables, scratch, arena, rates, before, left, close):  # type: ignore[no-untyped-def]
@@ -385,7 +387,8 @@ def motion(kind: KernelSpec) -> Any:
     covariance = pose_noise(kind).covariance
     pose, sweep = pose_at(kind.reads), kind.space.sweep
     onward = vectors.combined(len(kind.reads))
-    place, between, square = pose_at(kind.position), *algebra(len(kind.position))
+    place = pose_at(kind.position)
+    between, square = algebra(len(kind.position))
     bends = curved_step and len(kind.position) == 2  # in space steps are chords: they bow by millimetres
 
     @part

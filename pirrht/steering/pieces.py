@@ -113,8 +113,8 @@ _most = inlined(lambda pieces: 1)
 
 
 def _kernels(around: Surroundings) -> MotionKernels:
-    certify, pairs = _certify_for(around.static.kernels), _pairs_of(around.classes.kernels)
-    return MotionKernels(_entry, _cut, certify, pairs, _most, _between)
+    certify = _certify_for(around.static.kernels)
+    return MotionKernels(_entry, _cut, certify, _pairs_of(around.classes.kernels), _most, _between)
 
 
 PIECES = MotionKind(_kernels, _free, _trajectory)
@@ -125,7 +125,7 @@ SHARES = np.array([(s * (1.0 - t), s * t) for s in STEPS for t in STEPS])  # of 
 
 
 class InSpace:
-    """Parts of steering by lines that differ in space from those in the plane."""
+    """Draw places, and connect them by pieces, as lines in space do and those in the plane do not."""
 
     n = D
     motion = PIECES

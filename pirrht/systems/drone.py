@@ -9,15 +9,14 @@ from pirrht.jit.jit import jitable
 from pirrht.systems.double_integrator import best_duration
 from pirrht.systems.dynamics import HOMING, IsotropicNoise
 
-D = 3  # numbers of a place
-
 
 @jitable
 def coasting(x, p, out):  # type: ignore[no-untyped-def]
     """f = [v, 0] at x = (p, v) (6,), written to out (6,) [m/s, m/s^2]."""
-    for k in range(D):
-        out[k] = x[D + k]
-        out[D + k] = 0.0
+    d = out.shape[0] // 2
+    for k in range(d):
+        out[k] = x[d + k]
+        out[d + k] = 0.0
 
 
 @jitable
@@ -30,15 +29,15 @@ def into_ball(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
     b = B[0, 0]
     speed = 0.0
     ahead = 0.0
-    for k in range(D):
-        speed += x[D + k] * x[D + k]
-        ahead += (aim[k] - x[k]) * x[D + k]
+    for k in range(3):
+        speed += x[3 + k] * x[3 + k]
+        ahead += (aim[k] - x[k]) * x[3 + k]
     way = speed**0.5 + 1e-9
     ahead /= way
 
     off = 0.0
-    for k in range(D):
-        out[k] = aim[k] - x[k] - ahead * x[D + k] / way  # across the way
+    for k in range(3):
+        out[k] = aim[k] - x[k] - ahead * x[3 + k] / way  # across the way
         off += out[k] * out[k]
     off = off**0.5 + 1e-9
     aside = min(off, HOMING.aim * radius)
@@ -47,15 +46,15 @@ def into_ball(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
 
     square = 0.0
     along = 0.0
-    for k in range(D):
-        out[k] = aim[k] - x[k] - aside * out[k] / off - depth * x[D + k] / way
+    for k in range(3):
+        out[k] = aim[k] - x[k] - aside * out[k] / off - depth * x[3 + k] / way
         square += out[k] * out[k]
-        along += out[k] * x[D + k]
+        along += out[k] * x[3 + k]
     r = 1.0 / (b * b * rate)  # of the control, for q = 1
     T, _ = best_duration(1.0, 1.5 * r * square, -3.0 * r * along, 1.5 * r * speed)
     scale = 3.0 / max(T * T * b, 1e-9)
-    for k in range(D):
-        out[k] = scale * (out[k] - x[D + k] * T)
+    for k in range(3):
+        out[k] = scale * (out[k] - x[3 + k] * T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,4 +76,4 @@ class Drone(IsotropicNoise):
 
     def brake(self, x: Array, place: Array, within: float) -> Array:
         """Critically damped: the acceleration (3,) [m/s^2] of a spring and a damper at a place (3,) [m]."""
-        return np.asarray(((place - x[:D]) / within - 2.0 * x[D:]) / within)
+        return np.asarray(((place - x[:3]) / within - 2.0 * x[3:]) / within)
