@@ -109,8 +109,7 @@ def page() -> str:
     for name in scene_names():
         known = load(name)
         parts.append(
-            f"\n## {name}\n\n{known.about}\n\n"
-            f"![{name} after 45 %](gallery/{name}.webp) ![{name}, run](gallery/{name}-drive.webp)\n"
+            f"\n## {name}\n\n{known.about}\n\n![{name}](gallery/{name}.webp) ![{name}](gallery/{name}-drive.webp)\n"
         )
     return "".join(parts)
 

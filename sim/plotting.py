@@ -19,7 +19,7 @@ from pirrht.plotting.colors import ClassColors, rgb
 from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.colors import NAMED, labels, passing, title
 from sim.drawing.strokes import timed
-from sim.drawing.ways import ways_in
+from sim.drawing.ways import label_places, ways_in
 from sim.files import replaced
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references:
     for axes, seen, look in zip(views, ((0, 1), (0, 2)), ("from above", "from the south"), strict=True):
         pick = list(seen)
         maps.draw(axes, scene, seen=seen)
-        maps.tags(axes, scenario.space.homology.markers[:, pick], labels(names))
+        maps.tags(axes, label_places(scenario.space)[:, pick], labels(names))
         maps.lines(axes, [line[:, pick] for line in edges], "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
         for reference, row in zip(references, rows, strict=True):
             line = reference.trajectory.points[:, pick]

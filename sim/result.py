@@ -24,7 +24,7 @@ def classes_json(
 ) -> list[dict[str, Any]]:
     """The classes, cheapest first; with a homology in time also how each passes obstacles, static ones by `names`.
 
-    Of paths through a `space` of three dimensions their ways are reported.
+    Of paths through a `space` of three dimensions their ways are named.
     """
     bodies = passing(references, homology, names)
     told = ways_in(space, references, names)

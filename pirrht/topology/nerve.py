@@ -239,8 +239,13 @@ class Nerve:
         return chain, total
 
     def corners(self, cycle: Sequence[int]) -> Array:
-        """Return the common points of the sets along a cycle, (k, 3) [m]: sides between them lie in one set each."""
-        return self.points[self._around(cycle)]
+        """Return the common points of the sets along a cycle, (k, 3) [m]: sides between them lie in one set each.
+
+        They go around the axis across which their loop is widest counter-clockwise, whatever the order of the sets.
+        """
+        corners = self.points[self._around(cycle)]
+        area = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+        return corners if area[np.argmax(np.abs(area))] >= 0.0 else corners[::-1]
 
     def _around(self, cycle: Sequence[int]) -> list[int]:
         return [self.edge_of[min(pair), max(pair)] for pair in zip(cycle, [*cycle[1:], cycle[0]], strict=True)]

@@ -36,7 +36,7 @@ def class_table(
 ) -> str:  # fmt: skip
     """One row per homology class, cheapest first; with a homology in time also how each passes obstacles.
 
-    `names` are those of static obstacles; of paths through a `space` of three dimensions their ways are reported.
+    `names` are those of static obstacles; of paths through a `space` of three dimensions their ways are named.
     """
     rows = [{"class": title(r.id), "cost": f"{r.cost:.4f}", "length [m]": f"{r.length:.3f}"} for r in references]
     bodies = passing(references, homology, names) if homology is not None and homology.J else [[]] * len(rows)

@@ -14,9 +14,10 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.plotting.strokes import even
 from pirrht.topology.nerve import WORKSPACE, Loop
-from sim.drawing.colors import FEW, LEFT, RIGHT, numbered, telling, title
+from sim.drawing.colors import FEW, LEFT, RIGHT, SIDES, numbered, telling, title
 from sim.text import shared
 
+HEIGHTS = ("over", "under")
 POINTS = 200  # of a path that are examined
 STEP = 1e-4  # by which a point is moved to see where a solid is [m]
 
@@ -58,6 +59,17 @@ def _joined(names: Sequence[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
+def label_places(space: FreeSpace) -> Array:
+    """Return where labels of M obstacles go, (M, d) [m]: to markers, in space to the first solid of each loop."""
+    markers = space.homology.markers
+    if space.scene.dimension == 2:
+        return markers
+    parts = zip(space.obstacles, markers, strict=True)
+    solids = space.scene.obstacles
+    found = [solids[part.members[0]].position if part.members else marker for part, marker in parts]
+    return np.clip(np.reshape(found, (-1, 3)), space.scene.lower, space.scene.upper)
+
+
 def through(reference: Reference, k: int, space: FreeSpace) -> int:
     """Count how often a path pierces the fan over the polygon of loop k, forwards less backwards."""
     loop, ends = space.homology.static.loops[k], (reference.trajectory.points[0], space.homology.static.goal)  # type: ignore[attr-defined]  # classes in space are about loops
@@ -88,7 +100,9 @@ def _way(reference: Reference, k: int, space: FreeSpace, name: str) -> tuple[str
         return how, f"in {name}" if named else f"between {_joined(around)}"
     if len(part.members) == 1 and len(part.names) > 1:  # the fan is between it and the border, on one side of it
         fan = part.corners.mean(axis=0) - space.scene.obstacles[part.members[0]].position
-        return _called(fan if often else -fan, reference.trajectory.points), name
+        side = _called(fan if often else -fan, reference.trajectory.points)
+        if side in (*SIDES, *HEIGHTS):
+            return side, name
     solid, side = _side(reference, part.members, space)
     return side, name if named else space.scene.obstacles[solid].name
 
@@ -111,8 +125,12 @@ def _called(directions: Array, line: Array) -> str:
     """Return what the side is called that the most sideward of directions (..., 3) show, as seen along a path."""
     ahead = line[-1] - line[0]
     ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
-    aside = directions - (directions @ ahead)[..., None] * ahead
-    x, y, z = aside.reshape(-1, 3)[np.argmax(np.linalg.norm(aside, axis=-1))]
+    along = (directions @ ahead).reshape(-1)
+    aside = directions.reshape(-1, 3) - along[:, None] * ahead
+    k = np.argmax(np.linalg.norm(aside, axis=1))
+    x, y, z = aside[k]
+    if np.linalg.norm(aside[k]) < abs(along[k]):  # the path is nowhere abreast of it
+        return "away from" if along[k] > 0.0 else "this side of"
     if abs(z) >= np.hypot(x, y):
-        return "over" if z > 0.0 else "under"
+        return HEIGHTS[int(z < 0.0)]
     return LEFT if ahead[0] * y - ahead[1] * x > 0.0 else RIGHT

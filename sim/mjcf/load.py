@@ -11,7 +11,7 @@ The joined model takes timestep and looks from the scene; gravity, contact model
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, isnan
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -117,8 +117,7 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
         faults.of(_refuse_actuators, model, len(robot.command))
         adapter = robot.system.adapter
-        span = robot.span if adapter.dimension == 2 else (-inf, inf)
-        met = obstacles.read_obstacles(model, data, mine, span, faults)
+        met = obstacles.read_obstacles(model, data, mine, robot.span, faults)
         solids = {geom: robot.meets(solid) for geom, solid in met.items()}
         borders = faults.of(obstacles.read_workspace, model, data, task.workspace, adapter.dimension)
         goal = faults.of(adapter.goal, model, data, site_of(model, "goal"), task.goal)

@@ -11,6 +11,7 @@ of ctrl = M @ twist.
 
 from dataclasses import dataclass, replace
 from itertools import product
+from math import inf
 from pathlib import Path
 
 import mujoco
@@ -73,7 +74,7 @@ def read_robot(
         else:
             model = _disc(spec, path, body, foot, radius, margin)
             shape, margin = _checked_disc(model)
-            span = span_of(shape)
+            span = span_of(shape) if moved.adapter.dimension == 2 else (-inf, inf)
         _check_place(model)
         unfit = moved.adapter.unfit(model, moved.name)
         command = _command(spec, int(model.nu), moved.twists if system is None else None)

@@ -136,7 +136,7 @@ class InteractivePlant(Executor):
         bodies = {name: body for name, body in loose_bodies(model).items() if name not in own}
         self.rows = {name: int(model.body_mocapid[body]) for name, body in bodies.items()}
         self._home = model.key_mpos[0].reshape(-1, 3)  # where a reset puts bodies [m]
-        self._home[self.rows[GOAL], :2] = scene.goal.center
+        self._home[self.rows[GOAL], : scene.dimension] = scene.goal.center
         model.geom_size[model.geom(PREFIX + GOAL).id, 0] = scene.goal.radius
         model.site_rgba[[i for i in range(model.nsite) if model.site(i).name == "goal"], 3] = 0.0
         # Actuators that hold velocities carry the robot along: a force of a moment does nothing against them.

@@ -18,6 +18,7 @@ from pirrht.plotting.strokes import rings
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, NAMED, labels
 from sim.drawing.strokes import lift, placed
+from sim.drawing.ways import label_places
 from sim.recording import geoms
 from sim.recording.subject import Subject
 
@@ -132,7 +133,7 @@ def stage(subject: Subject, log: Log) -> None:
     if not subject.in_space:
         _from_above(scene, log)
     log(FOLLOWING, rr.Pinhole(fov_y=0.9, aspect_ratio=1.5, image_plane_distance=DEPTH))
-    named = placed(np.vstack([scene.goal.center, subject.space.homology.markers]), 0.02)
+    named = placed(np.vstack([scene.goal.center, label_places(subject.space)]), 0.02)
     look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
     log("/world/scene/names", rr.Points3D(named, labels=["goal", *labels(subject.names)], **look))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))

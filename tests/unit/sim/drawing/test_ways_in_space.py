@@ -62,6 +62,8 @@ CRATE = [box("crate", (2.8, 1.8, 0.8), (3.2, 2.2, 1.2))]
         (in_space(CRATE), {((3.0, 2.0, 0.4),): "under crate"}),
         (in_space(CRATE), {((3.0, 1.4, 1.0),): "right of crate", ((3.0, 1.3, 1.0),): "right of crate"}),
         (in_space(), {(): "the only way"}),
+        (in_space(CRATE, start=(3.6, 2, 1)), {(): "away from crate"}),
+        (in_space(CRATE, goal=(2.4, 2, 1, 0.1)), {(): "this side of crate"}),
         (pillars(), {(): "right of pillar 1", ((2.0, 3.6, 1.0), (3.0, 2.0, 0.4)): "left of pillar 1"}),
     ],
 )  # fmt: skip
