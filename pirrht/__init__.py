@@ -33,6 +33,7 @@ _NAMES = {
     "geometry.scene": "Goal Kind Obstacle Scene", "outcome": "Outcome", "planner.references": "Reference",
     "planner.limits": "grown_tree",
     "planner.tree": "HomologyTree", "problem": "Problem", "steering.dubins": "Dubins", "steering.motion": "Trajectory",
+    "steering.pieces": "SpaceLine TrackedInSpace", "systems.ball": "Ball", "systems.drone": "Drone",
     "steering.double_integrator": "MassSteering", "steering.turn_and_go": "TurnAndGo", "systems.rover": "Rover",
     "systems.double_integrator": "DoubleIntegrator", "systems.second_order_car": "SecondOrderCar",
     "steering.steering": "Steering", "steering.straight_line": "StraightLine Tracked", "systems.dynamics": "Dynamics",
