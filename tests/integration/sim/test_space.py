@@ -40,7 +40,7 @@ def test_the_window_is_read_at_all_heights_for_a_ball_and_at_its_height_for_a_pu
     assert (puck.scene.dimension, len(puck.scene.goal.center)) == (2, 2)
 
 
-@pytest.mark.parametrize(("robot", "noise"), [("ball", 0.2), ("drone", 0.3)])
+@pytest.mark.parametrize(("robot", "noise"), [("ball", 0.2), pytest.param("drone", 0.3, marks=pytest.mark.slow)])
 def test_a_robot_in_space_flies_through_the_window_without_contact(robot, noise):
     scenario, tree, _, drive = flown(robot, noise=noise)
     references = scenario.references(tree)

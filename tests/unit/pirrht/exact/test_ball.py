@@ -65,7 +65,11 @@ def test_in_the_open_psi_falls_like_a_spherical_wave():
 
 @pytest.mark.parametrize(
     ("boxes", "b", "value"),
-    [(WALL + FRAME, 0.35, 10.45), (WALL + FRAME, 0.5, 13.92), (WALL + FRAME + SHUTTER, 0.35, 11.961)],
+    [
+        (WALL + FRAME, 0.35, 10.45),
+        pytest.param(WALL + FRAME, 0.5, 13.92, marks=pytest.mark.slow),
+        pytest.param(WALL + FRAME + SHUTTER, 0.35, 11.961, marks=pytest.mark.slow),
+    ],
 )
 def test_values_of_a_window_and_of_a_closed_one_are_those_of_finer_grids(boxes, b, value):
     """They are known to 0.2 %; this grid has three points across the window."""

@@ -62,6 +62,7 @@ def test_a_cart_passes_lengthwise_and_turns_where_there_is_room_and_backs_out_of
         heading = along
 
 
+@pytest.mark.slow  # its kernels take long to compile
 @pytest.mark.parametrize("name", ["closing_door", "oblique"])
 def test_among_moving_obstacles_a_cart_is_free_along_its_legs_and_while_it_turns_at_their_ends(name):
     problem = Problem(dynamics=Rover(b=0.1), scene=replace(SCENES[name](), footprint=CART), R=np.diag([2.0, 0.5]))

@@ -61,7 +61,12 @@ CASES = {
     "drone in space": (window(), Drone(b=0.2), lambda problem: TrackedInSpace.of(problem, 1.0)),
 }  # fmt: skip
 # Those that take long to compile.
-RARE = ("rectangle of a car", "drone in space", *[name for name in CASES if "r among moving" in name])
+RARE = (
+    "rectangle of a car",
+    "rectangle of a rover",
+    "drone in space",
+    *[name for name in CASES if "r among moving" in name],
+)
 EVERY = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in RARE else []) for name in CASES]
 )
