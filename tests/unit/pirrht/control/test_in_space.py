@@ -67,7 +67,8 @@ def test_first_plans_of_a_ball_agree_with_the_exact_value():
     assert abs(np.mean(values) - VALUE) < 3.0 * np.std(values) / np.sqrt(8.0) + 0.01 * VALUE
 
 
-@pytest.mark.parametrize("dynamics", [Ball(b=0.1), pytest.param(Drone(b=0.1), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", [Ball(b=0.1), Drone(b=0.1)], ids=["ball", "drone"])
 def test_plans_under_little_noise_lead_through_the_window(dynamics):
     """The equation itself, with noise of seed 1, 0.1 s a step."""
     space = space_of()

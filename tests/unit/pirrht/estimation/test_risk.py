@@ -42,7 +42,9 @@ def test_exposure_is_the_chance_of_a_bridge_to_come_near_a_wall_that_it_misses()
     )
 
 
-@pytest.mark.parametrize(("noise", "margin"), [(0.1, 0.0), (0.2, 0.0), (0.2, 0.004)])
+@pytest.mark.parametrize(
+    ("noise", "margin"), [pytest.param(0.1, 0.0, marks=pytest.mark.slow), (0.2, 0.0), (0.2, 0.004)]
+)
 def test_the_predicted_probability_is_that_of_the_exact_law_held_for_a_physics_step(noise, margin):
     scenario = prepare("slit", margin=margin, noise=noise, samples=500)
     found = predicted(scenario)

@@ -45,6 +45,7 @@ def test_the_sum_over_neighbours_is_exact_for_exponentials_of_all_directions(kh)
     assert np.abs(sums - 1.0).max() < 1e-4 * kh**8
 
 
+@pytest.mark.slow
 def test_in_the_open_psi_falls_like_a_spherical_wave():
     """Walls are so far away that they take less than 1 % of it."""
     k = 8.0

@@ -26,7 +26,7 @@ def system(name: str, b: float) -> Controller:
     return controller(SYSTEMS[name](b))
 
 
-@pytest.mark.parametrize(("name", "times"), [("rover", 5.0), ("own", 2.0)])
+@pytest.mark.parametrize(("name", "times"), [("rover", 5.0), pytest.param("own", 2.0, marks=pytest.mark.slow)])
 def test_around_corners_more_samples_are_effective_and_psi_is_the_same(name, times):
     """4000 samples of seed 7 with the covariance of the law, 4000 of seed 8 with that of the passive noise."""
     made = system(name, 0.03)
