@@ -40,7 +40,8 @@ def test_the_window_is_read_at_all_heights_for_a_ball_and_at_its_height_for_a_pu
     assert (puck.scene.dimension, len(puck.scene.goal.center)) == (2, 2)
 
 
-@pytest.mark.parametrize(("robot", "noise"), [("ball", 0.2), pytest.param("drone", 0.3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "noise"), [("ball", 0.2), ("drone", 0.3)])
 def test_a_robot_in_space_flies_through_the_window_without_contact(robot, noise):
     scenario, tree, _, drive = flown(robot, noise=noise)
     references = scenario.references(tree)
@@ -55,6 +56,7 @@ def test_a_robot_in_space_flies_through_the_window_without_contact(robot, noise)
     assert np.ptp(heights) > 0.005  # noise acts along all axes
 
 
+@pytest.mark.slow
 def test_a_recording_of_a_ball_has_an_orbiting_eye_paths_at_their_height_and_ways_in_words(tmp_path):
     scenario, tree, driver, drive = flown("ball", noise=0.4, max_time=0.3)
     file = tmp_path / "ball.rrd"
