@@ -65,9 +65,9 @@ def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references:
     figure = maps.pyplot("--png").Figure(figsize=(8.0, 5.4 * (deep + high) / wide + 1.2), layout="constrained")
     views = figure.subplots(2, 1, sharex=True, height_ratios=[deep, high])
     colors = ClassColors(reference.id for reference in references)
-    told = ways_in(scenario.space, references, names)
+    ways = ways_in(scenario.space, references, names)
     rows = [
-        wrap(maps.literal(f"{title(r.id)}: {r.cost:.2f}, {way}"), WIDE) for r, way in zip(references, told, strict=True)
+        wrap(maps.literal(f"{title(r.id)}: {r.cost:.2f}, {way}"), WIDE) for r, way in zip(references, ways, strict=True)
     ]
     edges = tree.best_edges(PLOTTING.spacing)
     for axes, seen, look in zip(views, ((0, 1), (0, 2)), ("from above", "from the south"), strict=True):

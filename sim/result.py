@@ -27,11 +27,11 @@ def classes_json(
     Of paths through a `space` of three dimensions their ways are named.
     """
     bodies = passing(references, homology, names)
-    told = ways_in(space, references, names)
+    ways = ways_in(space, references, names)
     return [
         {"id": r.id, "winding": list(r.winding), "signature": r.signature.tolist(), "cost": r.cost, "length": r.length}
         | ({"bodies": words} if homology.J else {})
-        | ({"way": told[k]} if told else {})
+        | ({"way": ways[k]} if ways else {})
         for k, (r, words) in enumerate(zip(references, bodies, strict=True))
     ]
 

@@ -15,8 +15,9 @@ from scipy.special import spherical_in
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.grid import TUNING, Domain, Equation, Progress, Settling, affordable, cubic, slopes
+from pirrht.exact.grid import TUNING, Domain, Equation, Progress, Settling, affordable, cubic, ignore_progress, slopes
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.blocks import lattice
 from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 
@@ -66,7 +67,7 @@ def weights_of(kh: float) -> tuple[float, float, float]:
 
 
 def solve(
-    domain: Domain, *, wavenumber: float, wall: float, spacing: float, progress: Progress = lambda share: None
+    domain: Domain, *, wavenumber: float, wall: float, spacing: float, progress: Progress = ignore_progress
 ) -> Lattice:
     """Solve `Laplace psi = k^2 psi` with psi = 1 on the rim of the goal and exp(-wall) at walls and border.
 
@@ -79,7 +80,6 @@ def solve(
 
     free = (clearance > 0.0) & (to_goal > goal.radius)
     log_psi = np.where(to_goal <= goal.radius, 0.0, np.where(free, -wavenumber * (to_goal - goal.radius), -wall))
-    log_psi[~free & (to_goal > goal.radius)] = -wall
     row = np.full(shape, KNOWN, dtype=np.int64)
     whole = free & _surrounded(free)
     row[whole] = WHOLE
@@ -92,9 +92,10 @@ def solve(
     factor = 2.0 / (1.0 + math.sqrt(1.0 - radius * radius))
     found = Lattice(lower.astype(float), spacing, np.array([*goal.center, goal.radius]), log_psi, row, arms, ends)
     rate = wavenumber * wavenumber * (1.0 + kh * kh / 20.0)
+    weights = weights_of(kh)
     settling = Settling(progress, TUNING.ball_settled)
     for sweep in range(TUNING.ball_sweeps):
-        change = _relax(found, weights_of(kh), rate, factor, bool(sweep % 2))
+        change = _relax(found, weights, rate, factor, bool(sweep % 2))
         settling.note(change)
         if change < TUNING.ball_settled:
             return found
@@ -104,7 +105,7 @@ def solve(
 def _sampled(domain: Domain, lower: Array, spacing: float, shape: tuple[int, ...]) -> Array:
     """Sample the clearance at all grid points, layer by layer, [m]."""
     out = np.empty(shape)
-    across = np.stack(np.meshgrid(*(np.arange(n) for n in shape[1:]), indexing="ij"), axis=-1).reshape(-1, 2)
+    across = lattice(*shape[1:]).reshape(-1, 2)
     for i in range(shape[0]):
         points = lower + spacing * np.column_stack([np.full(len(across), i), across])
         out[i] = domain.clearance(points).reshape(shape[1:])

@@ -13,6 +13,7 @@ import numpy as np
 from pirrht.errors import SceneError
 from pirrht.geometry.blocks import lattice
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.pieces import entry_of_ball
 from pirrht.geometry.round import GridKernels, round_kernels
 from pirrht.geometry.space import BLOCKED, FREE, LEAST_STEP, UNSURE, SpaceKernels
 from pirrht.geometry.tuning import TUNING
@@ -189,24 +190,10 @@ def _along(place, u, s, aside):  # type: ignore[no-untyped-def]
     return _both(1.0, place, s, u)
 
 
-@inlined
-def _entry(place, u, length, goal, radius):  # type: ignore[no-untyped-def]
-    away = _both(1.0, place, -1.0, goal)
-    gap = _dot(away, away) - radius * radius
-    ahead = -_dot(away, u)
-    root = ahead * ahead - gap
-    if gap <= 0.0:
-        return 0.0
-    if root < 0.0 or ahead < 0.0:
-        return np.inf
-    s = ahead - math.sqrt(root)
-    return s if s <= length else np.inf
-
-
 ROUND = round_kernels(
     GridKernels(
         width=3, border=_border, side=_side, interpolate=_interpolate, with_slope=_with_slope, closest=_closest,
-        label=_label, walls=walls, along=_along, entry=_entry,
+        label=_label, walls=walls, along=_along, entry=entry_of_ball,
     )
 )  # fmt: skip
 _clearance, _refused = ROUND.fields["clearance"], ROUND.refused

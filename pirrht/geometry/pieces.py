@@ -7,8 +7,11 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.vectors import combined, dot
 
 D = 3  # numbers of a place
+_dot = dot(D)
+_both = combined(D)
 
 
 class Pieces(NamedTuple):
@@ -38,26 +41,28 @@ def apart(a, b):  # type: ignore[no-untyped-def]
     return math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
 
 
-@kernel
-def entry_of_ball(a, b, center, radius):  # type: ignore[no-untyped-def]
-    """Return the share of a line from a to b [m] after which it first touches a ball, or infinity."""
-    length = apart(a, b)
-    along = 0.0
-    gap = -radius * radius
-    for k in range(D):
-        to_center = center[k] - a[k]
-        along += to_center * (b[k] - a[k])
-        gap += to_center * to_center
+@inlined
+def entry_of_ball(place, u, length, center, radius):  # type: ignore[no-untyped-def]
+    """Return the length [m] along a unit vector u at which a line from a place first touches a ball, or infinity."""
+    away = _both(1.0, place, -1.0, center)
+    gap = _dot(away, away) - radius * radius
+    ahead = -_dot(away, u)
+    root = ahead * ahead - gap
     if gap <= 0.0:
         return 0.0
-    if length == 0.0 or along < 0.0:
+    if root < 0.0 or ahead < 0.0:
         return np.inf
-    along /= length
-    root = along * along - gap
-    if root < 0.0:
-        return np.inf
-    share = (along - math.sqrt(root)) / length
-    return share if share <= 1.0 else np.inf
+    s = ahead - math.sqrt(root)
+    return s if s <= length else np.inf
+
+
+@kernel
+def share_into_ball(a, b, center, radius):  # type: ignore[no-untyped-def]
+    """Return the share of a line from a to b [m] after which it first touches a ball, or infinity."""
+    length = apart(a, b)
+    per = 1.0 / length if length > 0.0 else 0.0
+    found = entry_of_ball(a, _both(per, b, -per, a), length, center, radius)
+    return found * per if found < np.inf else np.inf
 
 
 def setting_out(path: Any) -> tuple[Array, Array]:

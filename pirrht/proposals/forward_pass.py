@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.pieces import entry_of_ball
+from pirrht.geometry.pieces import share_into_ball
 from pirrht.geometry.space import pose_at
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, kernel
@@ -47,7 +47,7 @@ def entering(d: int) -> Any:
     @borrowing
     def in_space(setup, place, way):  # type: ignore[no-untyped-def]
         end = between(1.0, place, 1.0, way)
-        return entry_of_ball(place, end, setup.world.goal, setup.world.radius) < np.inf
+        return share_into_ball(place, end, setup.world.goal, setup.world.radius) < np.inf
 
     return in_plane if d == 2 else in_space
 

@@ -12,7 +12,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
-from pirrht.geometry.pieces import D, Pieces, apart, entry_of_ball
+from pirrht.geometry.pieces import D, Pieces, apart, share_into_ball
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import SpaceKernels
 from pirrht.jit.jit import inlined, kernel
@@ -48,7 +48,7 @@ def _ends(pieces, i):  # type: ignore[no-untyped-def]
 @inlined
 def _entry(pieces, i, around):  # type: ignore[no-untyped-def]
     a, b = _ends(pieces, i)
-    return entry_of_ball(a, b, around.goal, around.goal_radius)
+    return share_into_ball(a, b, around.goal, around.goal_radius)
 
 
 @inlined

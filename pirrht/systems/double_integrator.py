@@ -72,42 +72,51 @@ def best_duration(q, A, B, C):  # type: ignore[no-untyped-def]
 
 @jitable
 def coasting(x, p, out):  # type: ignore[no-untyped-def]
-    """f = [vx, vy, 0, 0] at x (4,), written to out (4,) [m/s, m/s, m/s^2, m/s^2]."""
-    out[0] = x[2]
-    out[1] = x[3]
-    out[2] = 0.0
-    out[3] = 0.0
+    """f = [v, 0] at x = (p, v) (2 d,), written to out (2 d,) [m/s, m/s^2]."""
+    d = out.shape[0] // 2
+    for k in range(d):
+        out[k] = x[d + k]
+        out[d + k] = 0.0
 
 
 @jitable
 def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Begin the best motion from x (4,) into the goal's disc, at any velocity there; written to out (2,) [1/sqrt(s)].
+    """Begin the best motion from x (2 d,) into the goal, at any velocity there; written to out (d,) [1/sqrt(s)].
 
-    With D = p1 - p0 it is 3 (D - v T) / T^2 over the noise b. p1 is where coasting enters the disc; if it misses that,
-    a point as far off the middle as a share of the radius.
+    With D = p1 - p0 it is 3 (D - v T) / T^2 over the noise b. p1 is where coasting enters the goal's disc or ball; if
+    it misses that, a point as far off the middle as a share of the radius.
     """
-    dx, dy = aim[0] - x[0], aim[1] - x[1]
+    d = out.shape[0]
     b = B[0, 0]
 
-    speed = x[2] * x[2] + x[3] * x[3]
+    speed = 0.0
+    ahead = 0.0
+    for k in range(d):
+        speed += x[d + k] * x[d + k]
+        ahead += (aim[k] - x[k]) * x[d + k]
     way = math.sqrt(speed) + 1e-9
-    ahead = (dx * x[2] + dy * x[3]) / way
-    off_x = dx - ahead * x[2] / way
-    off_y = dy - ahead * x[3] / way
+    ahead /= way
 
-    off = math.sqrt(off_x * off_x + off_y * off_y) + 1e-9
+    square = 0.0
+    for k in range(d):
+        out[k] = aim[k] - x[k] - ahead * x[d + k] / way  # across the way
+        square += out[k] * out[k]
+    off = math.sqrt(square) + 1e-9
     aside = min(off, HOMING.aim * radius)
     depth = math.sqrt(radius * radius - aside * aside)
     depth = depth if ahead > depth else 0.0
 
-    dx = dx - aside * off_x / off - depth * x[2] / way
-    dy = dy - aside * off_y / off - depth * x[3] / way
+    square = 0.0
+    along = 0.0
+    for k in range(d):
+        out[k] = aim[k] - x[k] - aside * out[k] / off - depth * x[d + k] / way
+        square += out[k] * out[k]
+        along += out[k] * x[d + k]
     r = 1.0 / (b * b * rate)  # of the control, for q = 1
-    T, _ = best_duration(1.0, 1.5 * r * (dx * dx + dy * dy), -3.0 * r * (dx * x[2] + dy * x[3]), 1.5 * r * speed)
+    T, _ = best_duration(1.0, 1.5 * r * square, -3.0 * r * along, 1.5 * r * speed)
     scale = 3.0 / max(T * T * b, 1e-9)
-
-    out[0] = scale * (dx - x[2] * T)
-    out[1] = scale * (dy - x[3] * T)
+    for k in range(d):
+        out[k] = scale * (out[k] - x[d + k] * T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +133,9 @@ class DoubleIntegrator(IsotropicNoise):
     homing = staticmethod(into_goal)
 
     def twist(self, x: Array, rate: Array) -> Array:
-        """Accelerations along world x and y, (2,) [m/s^2]: forces on a mass of 1 kg [N]."""
+        """Accelerations along the axes of the world, (m,) [m/s^2]: forces on a mass of 1 kg [N]."""
         return rate
 
     def brake(self, x: Array, place: Array, within: float) -> Array:
-        """Critically damped: the acceleration (2,) [m/s^2] of a spring and a damper at a place (2,) [m]."""
-        return ((place - x[:2]) / within - 2.0 * x[2:]) / within
+        """Critically damped: the acceleration (m,) [m/s^2] of a spring and a damper at a place (m,) [m]."""
+        return ((place - x[: self.m]) / within - 2.0 * x[self.m :]) / within

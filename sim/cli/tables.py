@@ -40,14 +40,14 @@ def class_table(
     """
     rows = [{"class": title(r.id), "cost": f"{r.cost:.4f}", "length [m]": f"{r.length:.3f}"} for r in references]
     bodies = passing(references, homology, names) if homology is not None and homology.J else [[]] * len(rows)
-    told = ways_in(space, references, names)
-    told = [way.ljust(max(map(len, told))) for way in told]
+    ways = ways_in(space, references, names)
+    ways = [way.ljust(max(map(len, ways))) for way in ways]
     for k, (row, r, words) in enumerate(zip(rows, references, bodies, strict=True)):
         if homology is not None and homology.J:
             row["bodies"] = ", ".join(words) or "-"
         elif len(r.winding) <= FEW_OBSTACLES:  # else too wide; JSON has it all
             row["H"] = " ".join(f"{h:+.2f}" for h in r.signature)
-        row |= {"way": told[k]} if told else {}
+        row |= {"way": ways[k]} if ways else {}
     return table([*rows[0]], [[*row.values()] for row in rows]) if rows else "no class"
 
 

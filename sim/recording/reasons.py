@@ -137,8 +137,8 @@ def shares_of(grid: Desirability, plan: Plan, time: float, samples: int = DRAWN)
 
 def words_of(plan: Plan, path_integral: PathIntegral, names: Names) -> dict[str, str]:
     """The classes of a plan's references in words, by id; `names` (M,) are those of the topological obstacles."""
-    if told := ways_in(path_integral.space, plan.references, names):
-        return dict(zip(plan.ids, told, strict=True))
+    if ways := ways_in(path_integral.space, plan.references, names):
+        return dict(zip(plan.ids, ways, strict=True))
     windings = {name: r.winding for name, r in zip(plan.ids, plan.references, strict=True)}
     homology = path_integral.homology
     passed = dict(zip(plan.ids, sides(plan.references, homology), strict=True))

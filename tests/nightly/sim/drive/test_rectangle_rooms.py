@@ -22,7 +22,7 @@ MOVING = (
 
 
 def room(folder: Path, seed: int, custom: str = "", bodies: str = "") -> Path:
-    """A wall with a gap between two halves with a box each, and what moves."""
+    """A wall with a gap between two halves with a box each, and a bar that moves."""
     rng = np.random.default_rng([seed, 62])
     width = rng.uniform(0.48, 0.7)
     low = rng.uniform(0.5, 1.3)

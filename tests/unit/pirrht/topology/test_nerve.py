@@ -31,7 +31,7 @@ def voxels(scene: Scene) -> int | None:
     return None if np.any(np.abs(bars) < SPACING) else int(np.sum((bars[:, 0] < 0.0) & (bars[:, 1] > 0.0)))
 
 
-def told(seeds):
+def countable(seeds):
     """Random scenes whose Betti numbers voxels can tell."""
     for seed in seeds:
         scene = mixed(seed)
@@ -42,7 +42,7 @@ def told(seeds):
 
 @pytest.mark.parametrize(("seeds", "amount"), [(SURE, 8), pytest.param(count(), 50, marks=pytest.mark.slow)])
 def test_random_scenes_have_as_many_generators_as_their_voxels(seeds, amount):
-    numbers = [(len(found(scene)), betti) for scene, betti in islice(told(seeds), amount)]
+    numbers = [(len(found(scene)), betti) for scene, betti in islice(countable(seeds), amount)]
     assert len(numbers) == amount
     assert all(generators == betti for generators, betti in numbers)
     assert len({betti for _, betti in numbers}) > 2

@@ -22,7 +22,7 @@ def reference(homology, points):
     )  # fmt: skip
 
 
-def told(scene, *stops):
+def words_of(scene, *stops):
     """The ways of paths from the start over some stops each to the goal."""
     space = FreeSpace.of(scene)
     ends = scene.start, scene.goal.center
@@ -68,7 +68,7 @@ CRATE = [box("crate", (2.8, 1.8, 0.8), (3.2, 2.2, 1.2))]
     ],
 )  # fmt: skip
 def test_ways_say_what_paths_go_through_over_under_or_past(scene, ways):
-    found = told(scene, *(np.reshape(stop, (-1, 3)) for stop in ways))
+    found = words_of(scene, *(np.reshape(stop, (-1, 3)) for stop in ways))
     assert found == list(ways.values())
 
 
