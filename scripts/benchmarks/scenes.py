@@ -121,7 +121,7 @@ def scenario_of(seed: int, given: Mapping[str, Any], *, most: int = 8, **task: A
     A robot that is named has room for what collides of it in its footprint.
     """
     robot = task.get("robot")
-    least = 0.0 if robot is None or task.get("radius") else read_robot(robot, None).radius
+    least = 0.0 if robot is None or task.get("radius") else read_robot(robot, None).footprint.radius
     margin = 0.0 if given.get("risk") is None else None
     return prepared(f"random{seed}", random_scene(seed, most, least), given=given, margin=margin, **task)
 
