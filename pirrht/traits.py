@@ -27,7 +27,7 @@ class Traits(NamedTuple):
     """
 
     point: bool  # its states are the position, and all are actuated
-    isotropic_point: bool  # a point in the plane that does not drift, with equal noise in all directions
+    isotropic_point: bool  # a point that does not drift, with equal noise in all directions
     noisy_position: bool  # noise acts on the position itself: exits need a Brownian bridge, else a sweep
     input_form: bool  # noise enters through its inputs (`Dynamics.input_matrix`)
     drifts: bool  # it declares a drift

@@ -94,7 +94,10 @@ class ProposalBuilder:
         guidance, samples = self.integral.guidance, self.integral.sampling.samples
         allocates = self.settings.use.mixes and self.integral.sampling.allocation == "contribution"
         trajectories, classes = [one.trajectory for one in references], from_start(run, references)
-        controls = self.integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
+        grids = {k: run.starts.grids[one] for k, one in enumerate(classes) if one in run.starts.grids}
+        drops = allocates and guidance is None
+        controls = self.integral.proposals.controls(x, times, trajectories, drops=drops, grids=grids)
+        run.starts.grids |= {classes[k]: grid for k, grid in grids.items()}
         predicted = [one.promise for one in controls]
         worth = [one.follows for one in controls]
         counts = [samples] * len(classes)

@@ -12,6 +12,7 @@ from pirrht.control.prediction import Prediction
 from pirrht.estimation.estimate import Allocation
 from pirrht.geometry.obstacle import Mover
 from pirrht.planner.references import Reference
+from pirrht.proposals.desirability_grid import DesirabilityGrid
 from pirrht.proposals.fitted_law import LawFit
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Motions
@@ -63,6 +64,7 @@ class WarmStarts:
     optima: dict[ClassFromStart, list[DDPGuide]] = field(default_factory=dict)  # last valid guides, best first
     fits: dict[ClassFromStart, LawFit] = field(default_factory=dict)  # laws around them, as samples have it
     sampled: set[ClassFromStart] = field(default_factory=set)  # classes whose guides had more than a few samples
+    grids: dict[ClassFromStart, DesirabilityGrid] = field(default_factory=dict)  # log psi in space
 
     def keep_paths(self, paths: Mapping[ClassFromStart, Motions], *, all_of_them: bool) -> None:
         """Keep the paths of a plan's references; unless those are all of them, earlier ones of other classes too."""

@@ -2,7 +2,7 @@
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.world import World
 from pirrht.problem import Problem
 from pirrht.proposals import wall_drift
+from pirrht.proposals.desirability_grid import DesirabilityGrid, GridAscent
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
@@ -59,7 +60,8 @@ class ProposalFactory:
         self.gated = self.guidance is not None and self.guidance.gated
         self.pointlike = feedback and traits.point
         self.climbs = feedback and traits.climbs(world.moving)
-        self.climbs_too = world.moving and feedback and traits.isotropic_point
+        self.in_space = len(problem.dynamics.position) == 3
+        self.climbs_too = world.moving and feedback and traits.isotropic_point and not self.in_space
         self._everywhere = Scales.of(problem, start) if traits.constant_blocks and not callable(problem.R) else None
         self.set_back, self._soft = self._set_back(start)
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
@@ -75,23 +77,35 @@ class ProposalFactory:
         if optima and self.guidance is not None:
             self.guidance.warm_up(x)
         if self.climbs or self.climbs_too:
-            self.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
+            line = np.array([self.problem.dynamics.place(x), self.problem.scene.goal.center])
+            if self.in_space:
+                self._over_grid(x, [line], 0, {})(x, 0.0)
+            else:
+                self.climbing(x, line[1:])(x, 0.0)
         self.world.setup.world.clearance(self._pose(x))
 
     def controls(
-        self, x: Array, times: Array, trajectories: Sequence[Trajectory], *, drops: bool
-    ) -> list[ProposalControl]:
+        self, x: Array, times: Array, trajectories: Sequence[Trajectory], *, drops: bool,
+        grids: MutableMapping[int, DesirabilityGrid] | None = None,
+    ) -> list[ProposalControl]:  # fmt: skip
         """Return proposal controls from x (n,): ascents of desirability if it `climbs`, else control sequences.
 
         `times` (T+1,) [s] are ends of the steps, `trajectories` (H,) the references, cheapest first. If it `drops`,
-        classes of less than exp(-hopeless) of another's predicted psi get control sequences.
+        classes of less than exp(-hopeless) of another's predicted psi get control sequences. In space the grids of
+        references that are known, by number, are used again, and others are added.
         """
         found: list[ProposalControl] = []
         most, decay = -math.inf, self.scales(x).decay
-        for trajectory in trajectories:
-            least, control = most - self.tuning.hopeless if drops else -math.inf, None
+        known = {} if grids is None else grids
+        lines = [self._line(trajectory) for trajectory in trajectories]
+        for k, trajectory in enumerate(trajectories):
+            least = most - self.tuning.hopeless if drops else -math.inf
+            control: DesirabilityAscent | GridAscent | None = None
             if self.climbs and -decay * trajectory.length >= least:  # log psi without walls
-                control = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], self.space.scene.goal.center]))
+                if self.in_space:
+                    control = self._over_grid(x, lines, k, known)
+                else:
+                    control = self.climbing(x, lines[k][1:])
             promise = -math.inf if control is None else control.promise
             worth = control is not None and promise >= least
             found.append(control if worth and control else Tape(times, trajectory.tape(times), promise))
@@ -113,8 +127,21 @@ class ProposalFactory:
         """
         if not self.climbs_too:
             return None
-        line = np.vstack([trajectory.path.tails[:, :2], self.space.scene.goal.center])
-        return self.climbing(x, _bends(line, self.tuning.bend)[1:], time)
+        return self.climbing(x, _bends(self._line(trajectory), self.tuning.bend)[1:], time)
+
+    def _line(self, trajectory: Trajectory) -> Array:
+        """Return the corners of a reference and the goal point, (k, d) [m]."""
+        goal = self.space.scene.goal.center
+        return np.vstack([trajectory.path.tails[:, : len(goal)], goal])
+
+    def _over_grid(
+        self, x: Array, lines: Sequence[Array], own: int, grids: MutableMapping[int, DesirabilityGrid]
+    ) -> GridAscent:
+        """Return the ascent from x (n,) of the class of one of some lines (k, 3) [m] to the goal point."""
+        scales = self.scales(x)
+        if own not in grids:
+            grids[own] = DesirabilityGrid.of(self._soft, lines, own, scales.decay, scales.wall_offset)
+        return GridAscent.of(grids[own], x, self.wall_drift(scales.wall_offset, self.sampling.first_dt))
 
     def push(self, tables: ProposalTables, x: Array, time: float = 0.0) -> WallDrift:
         """Return the wall drift (m,), for any state (n,), near samples of these tables from x (n,) and a time on."""
@@ -158,7 +185,7 @@ class ProposalFactory:
         = 0.5826 deviations of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997).
         """
         arena = self.world.setup.world
-        if self.sampling.exit == "bridge" or not self.climbs:
+        if self.sampling.exit == "bridge" or not self.climbs or self.in_space:
             return 0.0, arena
         distance = 0.5826 * math.sqrt(self.scales(x).noise * self.sampling.dt)
         return distance, arena._replace(
@@ -188,7 +215,7 @@ class ProposalFactory:
         H = len(batch.proposals)
         T = len(times) - 1
 
-        C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
+        C, J = np.max([proposal.lead.shape for proposal in batch.proposals], axis=0).tolist()
         scales, moving = self.scales(x), self.world.moving
         near = np.inf
         if self.pointlike:
@@ -200,7 +227,7 @@ class ProposalFactory:
         tables = ProposalTables(
             control=np.zeros((H, T, d.m)), drift=np.zeros((H, T, d.m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_tubes(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if drifts else 0.0,
+            ways=no_tubes(H, max(C, 2), max(J, PROPOSALS.nodes), scales.decay), wall_offset=scales.wall_offset if drifts else 0.0,
             set_back=self.set_back, least=least if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,

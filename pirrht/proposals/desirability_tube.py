@@ -300,9 +300,9 @@ class DesirabilityAscent(ProposalControl):
         return cls(DesirabilityTubes(np.array([C]), place, slope, decay), arena.goal, push.gain(x), push, log_psi)
 
     @property
-    def sections(self) -> int:
-        """Number of cross-sections, C."""
-        return int(self.tubes.count[0])
+    def shape(self) -> tuple[int, int]:
+        """Cross-sections, and nodes of each (C, J)."""
+        return int(self.tubes.count[0]), TUNING.nodes
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at x (n,), s [s] after the plan, which matters where obstacles move."""
@@ -312,7 +312,7 @@ class DesirabilityAscent(ProposalControl):
 
     def pack(self, leads: ProposalTables, h: int) -> None:
         """Write the tube to the first C cross-sections of the row in `ProposalTables.ways`, and their number."""
-        count = leads.ways.count[h] = self.sections
+        count = leads.ways.count[h] = self.shape[0]
         leads.ways.place[h, :count] = self.tubes.place[0]
         leads.ways.slope[h, :count] = self.tubes.slope[0]
 

@@ -47,9 +47,9 @@ class ProposalControl(ABC):
     guide: Any = None  # the `DDPGuide` that it follows, if there is one
 
     @property
-    def sections(self) -> int:
-        """Number of cross-sections, C."""
-        return 0
+    def shape(self) -> tuple[int, int]:
+        """Cross-sections of a tube, and nodes of each (C, J)."""
+        return 1, 1
 
     @property
     def promise(self) -> float:
@@ -76,9 +76,9 @@ class Wrapped(ProposalControl):
         self.lead, self.follows, self.guide = lead, lead.follows, lead.guide
 
     @property
-    def sections(self) -> int:
-        """Number of cross-sections, C."""
-        return self.lead.sections
+    def shape(self) -> tuple[int, int]:
+        """Cross-sections of a tube, and nodes of each (C, J)."""
+        return self.lead.shape
 
     @property
     def promise(self) -> float:

@@ -94,6 +94,16 @@ class ProposalTuning(NamedTuple):
     drift_most: float = 0.999  # greatest drift in units of 1/c
     drift_least: float = 1e-3  # drift that counts
     newton: int = 4  # rounds of Newton's method for the reach of a wall
+    # Desirability on a grid in space.
+    grid_lengths: float = 0.5  # spacing at most, in decay lengths 1/k
+    grid_spacings: float = 1.5  # and in spacings of the clearance
+    grid_points: float = 3e5  # at most; more cost time
+    grid_dearer: float = 100.0  # of k^2 where another class's reference is nearer, so that hardly anything goes there,
+    grid_apart: float = 0.5  # by this share of the greatest distance between both references
+    grid_steps: int = 16  # of a leg, at whose ends that distance is measured
+    grid_clear: float = 0.3  # spacings of clearance below which a point's slope is that of its neighbours
+    grid_sweeps: int = 200  # at most
+    grid_settled: float = 0.02  # greatest change of log psi after which a sweep is the last [nats]
     # Wall drift.
     wall_offset: float = 2.0  # of a wall without a tube, in decay lengths 1/k
     drift_near: float = 10.0  # reaches beyond which moving obstacles add no drift

@@ -12,7 +12,7 @@ import numpy as np
 
 from pirrht.jit.jit import jitable, load_float64, part
 from pirrht.rollouts.step import KernelSpec, pose_noise
-from pirrht.rollouts.tables import FINER, law_columns, slope_of, tube_at, tube_of
+from pirrht.rollouts.tables import FINER, grid_slope, law_columns, slope_of, tube_at, tube_of
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import wrapped
 
@@ -112,6 +112,15 @@ def aims(kind: KernelSpec) -> Any:
         along_noise(scratch.B, slope_of(scratch.tube, 0, 1, (c, wx, wy, d, vx, vy)), scratch.a, g)
 
     @part
+    def along_grid(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
+        """Write `a` of a grid in space, whose desirability is climbed, without wall drift."""
+        x = scratch.x
+        along_noise(scratch.B, grid_slope(tube_of(tables.ways, g), x[0], x[1], x[2]), scratch.a, g)
+
+    in_space = len(kind.position) == 3
+    along_way = along_grid if in_space else along_tube
+
+    @part
     def along_law(setup, tables, scratch, g, at, headed):  # type: ignore[no-untyped-def]
         """Write `a` of a law, or past its end of homing, which is computed once; return whether it is."""
         world, s = setup.world, row_of(tables, scratch, g, at)
@@ -127,7 +136,8 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def add(tables, scratch, g, i):  # type: ignore[no-untyped-def]
         """Add the control sequence, and wall drift where noise moves the position and neither tube nor law has it."""
-        pushed = tables.ways.count[g] == 0 and (tables.law_length[g] == 0 or gated) and tables.wall_offset > 0.0
+        pushed = in_space or tables.ways.count[g] == 0
+        pushed = pushed and (tables.law_length[g] == 0 or gated) and tables.wall_offset > 0.0
         for j in range(m if i < tables.active[g] else 0):
             for k in range(m):
                 scratch.a[g, j] += scratch.D[j, k] * tables.control[g, i, k]
@@ -145,7 +155,7 @@ def aims(kind: KernelSpec) -> Any:
             if scratch.lost[g]:
                 continue
             if climbs and tables.ways.count[g] > 0:
-                along_tube(tables, scratch, g, setup.world.goal, walls)
+                along_way(tables, scratch, g, setup.world.goal, walls)
             elif takes_law and tables.law_length[g] > 0:
                 headed = along_law(setup, tables, scratch, g, at, headed)
             else:

@@ -106,8 +106,8 @@ class KernelSpec(NamedTuple):
 
     @property
     def gated(self) -> bool:
-        """Tell whether walls push on top of its law (`law`): of a point among moving obstacles, or in space."""
-        return self.traits.free_point and (self.moving is not None or len(self.position) == 3)
+        """Tell whether walls push on top of its law (`law`): of a point among moving obstacles."""
+        return self.traits.free_point and self.moving is not None
 
     @property
     def is_martingale(self) -> bool:

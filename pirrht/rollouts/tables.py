@@ -75,6 +75,8 @@ class DesirabilityTubes(NamedTuple):
     # (H, C, 6): point on the reference [m], unit normal in the direction of travel, offset of the first node to the
     # left [m], nodes per meter [1/m]
     place: NDArray[np.float32]
+    # In space nodes are points of a grid, J in a row; the first two rows of `place` have the first point [m], points
+    # per meter [1/m] and the points along each axis.
     # (H, C, J, 4): grad log psi without the part of the walls [1/m]; reach of walls to the left and right [m]
     slope: NDArray[np.float32]
     decay: float  # k, of psi per meter in the open [1/m]
@@ -313,3 +315,34 @@ def slope_along(tubes, g, goal, x, y, walls, out):  # type: ignore[no-untyped-de
     tube_at(tube_of(tubes, g), 0, tubes.decay, goal, x, y, numbers, 0, 1)
     c, (nx, ny), d, (mx, my) = walls
     out[0], out[1] = slope_of(numbers, 0, 1, (c, nx, ny, d, mx, my))
+
+
+@part
+def grid_slope(tube, x, y, z):  # type: ignore[no-untyped-def]
+    """Return grad log psi without wall drift [1/m] at a place in a grid in space [m], trilinear between points."""
+    place, slope, _, _ = tube
+    per = load_float32(place, 3)
+    nx = np.int64(load_float32(place, PLACE))
+    ny = np.int64(load_float32(place, PLACE + 1))
+    nz = np.int64(load_float32(place, PLACE + 2))
+    u = min(max(np.float32((x - load_float32(place, 0)) * per), ZERO), np.float32(nx - 1))
+    v = min(max(np.float32((y - load_float32(place, 1)) * per), ZERO), np.float32(ny - 1))
+    w = min(max(np.float32((z - load_float32(place, 2)) * per), ZERO), np.float32(nz - 1))
+    i = min(np.int64(u), nx - 2)
+    j = min(np.int64(v), ny - 2)
+    k = min(np.int64(w), nz - 2)
+    u -= np.float32(i)
+    v -= np.float32(j)
+    w -= np.float32(k)
+
+    gx, gy, gz = ZERO, ZERO, ZERO
+    for corner in range(8):
+        a = corner >> 2
+        b = corner >> 1 & 1
+        c = corner & 1
+        share = (u if a == 1 else ONE - u) * (v if b == 1 else ONE - v) * (w if c == 1 else ONE - w)
+        at = slope + 4 * KNOWN * (((i + a) * ny + j + b) * nz + k + c)
+        gx += share * load_float32(at, 0)
+        gy += share * load_float32(at, 1)
+        gz += share * load_float32(at, 2)
+    return gx, gy, gz

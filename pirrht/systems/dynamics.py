@@ -130,12 +130,12 @@ class Dynamics:
 
     @cached_property
     def isotropic_point(self) -> bool:
-        """Tell whether it is a point in the plane without drift whose noise is isotropic, by probing some states."""
-        if not self.n == self.m == 2:
+        """Tell whether it is a point without drift whose noise is isotropic, by probing some states."""
+        if not self.n == self.m == len(self.position):
             return False
         noise = [self.B_c(x) @ self.B_c(x).T for x in self._some_states()]
         return not any(np.any(self.f(x)) for x in self._some_states()) and all(
-            np.allclose(one, one[0, 0] * np.eye(2), rtol=1e-9, atol=1e-12 * one[0, 0]) for one in noise
+            np.allclose(one, one[0, 0] * np.eye(self.n), rtol=1e-9, atol=1e-12 * one[0, 0]) for one in noise
         )
 
     def _some_states(self) -> Array:
