@@ -1,7 +1,8 @@
 """Free space of a ball in space, on the clearance field of its centre: distances sampled on one grid of points.
 
 As in the plane, trilinear interpolation of the distance to the nearest of several convex solids is too high by at most
-h^2 / (4 d), since second derivatives add up to at most 2 / d. That bound is subtracted. The border is exact.
+h^2 / (4 d), since second derivatives add up to at most 2 / d. That bound is subtracted, but not next to one flat face,
+where the distance is linear. The border is exact.
 """
 
 import math
@@ -9,7 +10,9 @@ from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 
+from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import SceneError
 from pirrht.geometry.blocks import lattice
 from pirrht.geometry.collision import Collision
@@ -62,16 +65,23 @@ class Ball(Held, Lattice):
         nearest, second = np.empty((2, *counts), dtype=np.float32)
         label = np.empty(counts, dtype=np.int32)
         farthest = (TUNING.cutoff if len(members) else TUNING.nothing) + radius
+        away = np.empty((3, *counts), dtype=np.float32)  # from the nearest solid, unit vectors
+        other = np.empty(counts, dtype=np.float32)
         slab = max(1, TUNING.slab_points // int(counts[1] * counts[2]))
         for first in range(0, int(counts[0]), slab):
             part = slice(first, first + slab)
             places = lattice(*label[part].shape) + np.array([first, 0, 0])
             walls = collision.nearest_walls((world.lower + h * places).reshape(-1, 3), members, farthest)
-            away = np.maximum(walls.first, radius) - math.sqrt(3.0) * h  # at least, of places in the cells around
-            excess = h**2 / (4.0 * np.maximum(away, 0.5 * radius))
-            for out, distance in ((nearest, walls.first), (second, walls.second)):
-                out[part] = (distance - radius - excess).reshape(out[part].shape)
-            label[part] = walls.which.reshape(label[part].shape)
+            values = (walls.first, walls.second, walls.which, walls.other)
+            for out, value in zip((nearest, second, label, other), values, strict=True):
+                out[part] = value.reshape(out[part].shape)
+            directions = (walls.away / np.maximum(walls.first, 1e-300)[:, None]).T
+            away[:, part] = directions.reshape(away[:, part].shape)
+        curved = ~_flat(label, away, other - nearest > 2.0 * h)
+        at_least = np.maximum(nearest, radius) - math.sqrt(3.0) * h  # of places in the cells around
+        excess = h**2 / (4.0 * np.maximum(at_least, 0.5 * radius))
+        nearest -= radius + np.where(curved, excess, 0.0)
+        second -= radius + excess
         return cls.holding(
             tuple(world.lower.tolist()), tuple(world.upper.tolist()), h, 1.0 / h, *counts.tolist(),
             nearest, second, label,
@@ -81,6 +91,17 @@ class Ball(Held, Lattice):
     def kernels(self) -> SpaceKernels:
         """Return the kernels that read it."""
         return BALL
+
+
+def _flat(label: IntArray, away: Array, alone: BoolArray) -> BoolArray:
+    """Check of points of a grid (nx, ny, nz) that the distance is linear in all cells around.
+
+    One solid is nearest at all their corners and in the same direction `away` (3, nx, ny, nz), and no other is as near.
+    """
+    out = minimum_filter(alone, 3) & (maximum_filter(label, 3) == minimum_filter(label, 3))
+    for axis in away:
+        out &= maximum_filter(axis, 3) - minimum_filter(axis, 3) < TUNING.flat
+    return np.asarray(out)
 
 
 @inlined

@@ -149,7 +149,7 @@ def aims(kind: KernelSpec) -> Any:
         """Write them at (step i of the grid, share of it); if nothing is weighed, only that of the one followed, h."""
         weigh, headed = ratio.shape[0] > 0, False
         for g in range(0 if weigh else h, scratch.a.shape[0] if weigh else h + 1):
-            if takes_law and weigh:
+            if (takes_law or in_space) and weigh:
                 # dQ_g/dQ_h is a martingale, so that exp(-lost) is also the expected share of it later; never of h.
                 scratch.lost[g] = scratch.lost[g] or ratio[g] < ratio[h] - TUNING.negligible
             if scratch.lost[g]:
