@@ -77,13 +77,15 @@ def read_robot(
             span = span_of(shape) if moved.adapter.dimension == 2 else (-inf, inf)
         _check_place(model)
         unfit = moved.adapter.unfit(model, moved.name)
-        command = _command(spec, int(model.nu), moved.twists if system is None else None)
         # Another system may do without MuJoCo; the plant sees to it where it does not.
         if system is None and (wrong := unfit or _wrong_actuator(model, moved.adapter, moved.name)):
             raise SceneError(wrong)
+        joints = moved.adapter.joints(model)
+        twists = moved.twists if system is None else None
+        command = np.zeros((int(model.nu), 3)) if joints.fly else _command(spec, int(model.nu), twists)
         return Robot(
             name=path.stem, spec=spec, system=moved, footprint=shape, margin=margin, span=span, command=command,
-            rest=moved.adapter.rest(model), rolling=moved.adapter.joints(model).rolls,
+            rest=moved.adapter.rest(model), rolling=joints.rolls,
             unfit=unfit and f"{path}: {unfit}",
         )  # fmt: skip
 
