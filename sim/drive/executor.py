@@ -12,7 +12,7 @@ Moving obstacles are where their motions say at the end of each step, by the pla
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, dist, inf, sqrt
 
 import mujoco
@@ -142,6 +142,7 @@ class Advance:
     attitudes: Array  # (k, 4) quaternions, w first, of a robot that flies; else (k, 0)
     controls: Array  # (k, m)
     noise: Array  # (k, m) Brownian increments [sqrt(s)]
+    equation: Array | None = None  # (n,) where the equation alone ends, if wheels or rotors follow it only about
 
     def __repr__(self) -> str:
         end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
@@ -239,7 +240,8 @@ class Plant:
             raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; fix them")
         return Advance(
             outcome=outcome, time=k * h, cost=cost, length=length, states=states[:k], controls=controls[:k],
-            noise=noise[:k], attitudes=attitudes[:k], clearance=0.0 if outcome is Outcome.COLLISION else checker.least(states[:k], times[:k]),
+            noise=noise[:k], attitudes=attitudes[:k],
+            clearance=0.0 if outcome is Outcome.COLLISION else checker.least(states[:k], times[:k]),
         )  # fmt: skip
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
@@ -297,6 +299,16 @@ class Executor(Plant):
         mujoco.mj_step1(self._model, self.data)
         if self._joints.fly is not None:
             self.attitude = self.data.qpos[3:7].copy()
+
+    def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
+        """Drive for one period, or to the goal or a collision; see `Plant.advance`."""
+        x = self.state
+        advance = super().advance(control_at, rng)
+        if not self._joints.rolls:
+            return advance
+        for u, dw in zip(advance.controls, advance.noise, strict=True):
+            x = self._problem.dynamics.step(x, u, dw, self.physics_step)
+        return replace(advance, equation=x)
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, cut after its position stage, so that the contacts are those of the new state."""

@@ -47,7 +47,7 @@ class Rotors:
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
         """Place the robot at `state` (n,), or with its attitude (n + 4,); without it, level."""
         data.qpos[:3] = state[:3]
-        data.qpos[3:7] = state[self._n :] if len(state) > self._n else LEVEL
+        data.qpos[3:7] = state[self._n :] if len(state) == self._n + 4 else LEVEL
         data.qvel[:] = 0.0
         data.qvel[self._axes] = state[self._speeds]
 
