@@ -227,7 +227,7 @@ class Film:
         return self._draw([(f"{now:.1f} s", INK), *rows])
 
     def _pose(self, state: Array, time: float) -> None:
-        """Place all bodies as they are in a state, perhaps with an attitude, at a time [s]; what was drawn before is gone."""
+        """Place all bodies as in a state, perhaps with an attitude, at a time [s]; what was drawn before is gone."""
         self._joints.place(self._data, state, np.zeros(2), np.zeros(self._model.nu))
         if self._mocap is not None:
             self._mocap.place(self._data, time)

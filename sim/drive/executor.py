@@ -5,7 +5,8 @@ and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`, or 
 `ctrl = M @ twist(x, u + s dw/h)`. With deadbeat servos a step of MuJoCo is then the Euler-Maruyama step of the
 equation, and the displacement has covariance B B' t. Motors take accelerations instead: the velocity's step is then
 that of the equation, and the position moves on with the velocity of the step's end (semi-implicit Euler) where the
-equation alone takes that of its start. Rotors are given the control alone, and the noise is a force. Wheels with slow servos follow it up to their lag (models/robots/diffdrive.xml).
+equation alone takes that of its start. Rotors are commanded the control alone, and noise is a force. They, and wheels
+with slow servos, follow the equation up to their lag (models/robots/drone.xml, diffdrive.xml).
 A step may be longer than a wall is thick, or than an obstacle that moves: what is between two steps counts as well as
 their ends. Clearance is that of the robot itself, without the margin of plans: of the ball that holds it.
 Moving obstacles are where their motions say at the end of each step, by the plant's own clock.
