@@ -3,8 +3,8 @@
 A wanted acceleration a asks for the force F = m (a - g), within `STEEPEST` of the vertical. Rotors push along the
 body's z-axis alone, so the loop turns that axis to F, with the x-axis ahead. With the attitude R, the wanted one R_d
 and the rates w of the body, torques are J (-k^2 e - 2 k w) + w x J w, where e is half of the skew part of R_d' R, as a
-vector: critically damped, at the rate k. Rotors thrust along F as far as the axis does. Thrust comes first: torques
-shrink until every rotor keeps to its ctrlrange.
+vector: critically damped, at the rate k. Rotors thrust as much of F as lies along the axis, but for a `RESERVE` that
+turns the body, also upside down; torques shrink until every rotor keeps to its ctrlrange.
 """
 
 from math import hypot
@@ -19,6 +19,7 @@ from sim.states.adapter import StateAdapter
 TILTING, HEADING = 40.0, 8.0  # rates k of the loop about level axes and the vertical one [1/s]
 STEEPEST = 1.7  # level part of a force, at most, over its part upwards: 60 degrees
 LEAST = 0.2  # part upwards, at least, over the weight
+RESERVE = 0.1  # share of the range of thrusts at either end
 ALIKE = 1e-6  # parts of forces [N] and torques [Nm] that count as none
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -42,7 +43,9 @@ class Rotors:
         self._mixer = np.linalg.pinv(self.wrenches[:, 2:].T)  # (nu, 4) commands of thrust and torques
         limited = model.actuator_ctrllimited.astype(bool)[:, None]
         self._low, self._high = np.where(limited, model.actuator_ctrlrange, (-np.inf, np.inf)).T
-        self._least, self._most = (float(self.wrenches[:, 2] @ ctrl) for ctrl in (self._low, self._high))
+        low, high = (float(self.wrenches[:, 2] @ ctrl) for ctrl in (self._low, self._high))
+        reserve = RESERVE * (high - low) if np.isfinite(high - low) else 0.0
+        self._least, self._most = low + reserve, high - reserve
 
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
         """Place the robot at `state` (n,), or with its attitude (n + 4,); without it, level."""
@@ -66,7 +69,7 @@ class Rotors:
         force[:2] *= min(1.0, STEEPEST * force[2] / max(hypot(force[0], force[1]), ALIKE))
 
         axis = force / np.sqrt(force.dot(force))
-        side = np.array([0.0, axis[2], -axis[1]]) / hypot(axis[1], axis[2])  # level-ahead's normal: x stays ahead
+        side = np.array([0.0, axis[2], -axis[1]]) / hypot(axis[1], axis[2])
         error = np.column_stack([np.cross(side, axis), side, axis]).T @ R
         e = 0.5 * np.array([error[2, 1] - error[1, 2], error[0, 2] - error[2, 0], error[1, 0] - error[0, 1]])
         w = data.qvel[3:6]
