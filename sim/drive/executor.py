@@ -143,7 +143,7 @@ class Advance:
     attitudes: Array  # (k, 4) quaternions, w first, of a robot that flies; else (k, 0)
     controls: Array  # (k, m)
     noise: Array  # (k, m) Brownian increments [sqrt(s)]
-    equation: Array | None = None  # (n,) where the equation alone ends, if wheels or rotors follow it only about
+    off: tuple[Array, ...] = ()  # (n,) how far from the equation it ends; of wheels or rotors, which follow it about
 
     def __repr__(self) -> str:
         end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
@@ -309,11 +309,12 @@ class Executor(Plant):
             return advance
         for u, dw in zip(advance.controls, advance.noise, strict=True):
             x = self._problem.dynamics.step(x, u, dw, self.physics_step)
-        return replace(advance, equation=x)
+        return replace(advance, off=(advance.states[-1] - x,))
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, cut after its position stage, so that the contacts are those of the new state."""
-        twist, fly = self._problem.dynamics.twist, self._joints.fly
+        twist = self._problem.dynamics.twist
+        fly = self._joints.fly
         made = twist(x, self._rate(x, u, dw))
         if fly is None:
             self.data.ctrl[:] = self._command.dot(made)

@@ -226,8 +226,7 @@ class EpisodeMetrics:
             self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene, self._adapter)
         clearance = self._checker.least(plan.state[None], np.array([begin]))
 
-        if advance.equation is not None:
-            self._off.append(advance.states[-1] - advance.equation)
+        self._off.extend(advance.off)
         self.time = begin + advance.time
         self.cost = self.cost + advance.cost
         self.vertices = made.vertices

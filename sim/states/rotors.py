@@ -45,7 +45,8 @@ class Rotors:
         self._low, self._high = np.where(limited, model.actuator_ctrlrange, (-np.inf, np.inf)).T
         low, high = (float(self.wrenches[:, 2] @ ctrl) for ctrl in (self._low, self._high))
         reserve = RESERVE * (high - low) if np.isfinite(high - low) else 0.0
-        self._least, self._most = low + reserve, high - reserve
+        self._least = low + reserve
+        self._most = high - reserve
 
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
         """Place the robot at `state` (n,), or with its attitude (n + 4,); without it, level."""

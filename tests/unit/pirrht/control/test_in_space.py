@@ -93,7 +93,8 @@ def test_a_drone_in_wind_dips_to_a_window_below_it():
     """By 30 000 samples v is 6.35; the way over the wall, at 7.05, has a weight of 2 %."""
     goal = Goal(center=np.array([5.2, 2.0, 1.6]), radius=0.3)
     scene = replace(window(), start=np.array([0.8, 2.0, 1.6]), goal=goal)
-    space, problem = FreeSpace.of(scene), problem_of(scene, Drone(b=0.3))
+    space = FreeSpace.of(scene)
+    problem = problem_of(scene, Drone(b=0.3))
     sampling = Sampling(samples=300, least=30.0)
     tree = tree_of(problem, space, vertices=1000)
     controller = Controller(problem, space, tree, sampling, rng=np.random.default_rng(0))
@@ -105,7 +106,8 @@ def test_a_drone_in_wind_dips_to_a_window_below_it():
 
 
 def test_a_drone_that_is_blocked_comes_to_rest():
-    dynamics, x = Drone(), np.array([1.5, 2.0, 1.0, 0.5, 0.2, -0.3])
+    dynamics = Drone()
+    x = np.array([1.5, 2.0, 1.0, 0.5, 0.2, -0.3])
     halt = Brake(problem=problem_of(space_of().scene, dynamics)).halt(x, space_of(), 0.0)
     assert halt.free == np.inf
     for u in halt.tape:

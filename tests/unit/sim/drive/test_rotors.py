@@ -19,7 +19,8 @@ def plant_of(b: float = QUIET, *, scene="window", periods: int = 1, robot="drone
     """The plant, with a period of 0.1 s times so many, and a list that takes all commands of its rotors."""
     loaded = load(scene, robot=robot, **FREE)
     plant = Executor(loaded, problem_of(loaded, Drone(b=b)), period=0.1 * periods)
-    commands, fly = [], plant._joints.fly
+    commands = []
+    fly = plant._joints.fly
 
     def noting(data, wanted, made):
         fly(data, wanted, made)
@@ -77,7 +78,8 @@ def test_a_wanted_acceleration_is_there_within_a_tenth_of_a_second_and_heading_a
 
 def test_rotors_keep_their_limits_whatever_is_asked_of_them_and_it_comes_to_rest_afterwards():
     plant, commands = plant_of(3.0)
-    rng, home = np.random.default_rng(5), np.array(FREE["start"])
+    rng = np.random.default_rng(5)
+    home = np.array(FREE["start"])
     for _ in range(8):
         driven(plant, hold(*rng.normal(scale=60.0, size=3)), int(rng.integers(99)), 1)
     assert (np.min(commands), np.max(commands)) == (0.0, MOST)
@@ -99,7 +101,7 @@ def test_a_gust_is_the_noise_of_the_plan():
 
 
 def test_it_follows_a_circle_as_its_equation_does():
-    """A third of a circle of 1 m at 1 m/s, with a law that knows the way: within 5 cm, the equation within 1 cm."""
+    """A third of a circle of 1 m at 1 m/s, with a law that knows the way: within 1 cm, the equation within 1 mm."""
     off = []
     quadrotor, _ = plant_of()
     for plant in (quadrotor, Plant(quadrotor._problem, period=0.1)):
@@ -115,8 +117,8 @@ def test_it_follows_a_circle_as_its_equation_does():
         ways = states_of(driven(plant, law, 0, 21))[:, :3] - centre
         off.append(np.abs(np.hypot(ways[:, 0], ways[:, 1] - 1.0) - 1.0).max())
         assert np.abs(ways[:, 2]).max() < 0.01
-    assert off[0] < 0.05
-    assert off[1] < 0.01
+    assert off[0] < 0.01
+    assert off[1] < 0.001
 
 
 @pytest.mark.parametrize(
