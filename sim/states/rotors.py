@@ -7,6 +7,7 @@ vector: critically damped, at the rate k. Rotors thrust as much of F as lies alo
 turns the body, also upside down; torques shrink until every rotor keeps to its ctrlrange.
 """
 
+import copy
 from math import hypot
 
 import mujoco
@@ -39,11 +40,11 @@ class Rotors:
         self._root = int(model.jnt_bodyid[0])
         self._mass = float(model.body_subtreemass[self._root])
         self._gravity = model.opt.gravity.copy()
-        self._inertia, self.wrenches = _wrenches(model)
-        self._mixer = np.linalg.pinv(self.wrenches[:, 2:].T)  # (nu, 4) commands of thrust and torques
+        self._inertia, wrenches = _wrenches(model)
+        self._mixer = np.linalg.pinv(wrenches[:, 2:].T)  # (nu, 4) commands of thrust and torques
         limited = model.actuator_ctrllimited.astype(bool)[:, None]
         self._low, self._high = np.where(limited, model.actuator_ctrlrange, (-np.inf, np.inf)).T
-        low, high = (float(self.wrenches[:, 2] @ ctrl) for ctrl in (self._low, self._high))
+        low, high = (float(wrenches[:, 2] @ ctrl) for ctrl in (self._low, self._high))
         reserve = RESERVE * (high - low) if np.isfinite(high - low) else 0.0
         self._least = low + reserve
         self._most = high - reserve
@@ -104,8 +105,10 @@ def unfit(model: mujoco.MjModel, states: StateAdapter, system: str) -> str:
 def _wrenches(model: mujoco.MjModel) -> tuple[Array, Array]:
     """Return the inertia (3, 3) of a level body, and force and torque (nu, 6) of each actuator's unit command.
 
-    Where the mass is not around the origin, the force is not a number.
+    Where the mass is not around the origin, the force is infinite.
     """
+    model = copy.copy(model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL  # a unit may be out of the ctrlrange
     data = mujoco.MjData(model)
     data.qpos[3:7] = LEVEL
     mujoco.mj_forward(model, data)
