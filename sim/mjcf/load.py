@@ -124,6 +124,8 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         start = faults.of(adapter.start, data, site_of(model, "start"), task.start)
         faults.refuse()
         assert borders is not None and goal is not None and start is not None  # noqa: PT018
+        _put(model, "start", start[: adapter.dimension])
+        _put(model, "goal", goal.center, goal.radius)
         if concave := obstacles.concave_meshes(model, solids):
             called = listed([*concave.values()])
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
@@ -205,6 +207,15 @@ def _margin_left(scene: Scene, margin: float, task: SceneOptions, at: str) -> fl
         f'at the start {at} the robot touches body "{body}" (by {-clearance:.3g} '
         f"m), and it moves: {elsewhere}, or write another first row of its motion"
     )
+
+
+def _put(model: mujoco.MjModel, site: str, place: Array, radius: float | None = None) -> None:
+    """Draw a site of the worldbody at a place (d,), where options may have it."""
+    number = site_of(model, site)
+    if number >= 0 and model.site_bodyid[number] == 0:
+        model.site_sameframe[number] = 0
+        model.site_pos[number, : len(place)] = place
+        model.site_size[number, 0] = radius or model.site_size[number, 0]
 
 
 def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Array) -> None:
