@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.space import SpaceKernels
+from pirrht.geometry.space import FREE, SpaceKernels
 from pirrht.geometry.world import World
 from pirrht.jit.jit import inlined, kernel
 from pirrht.proposals.proposal import ProposalControl
@@ -110,8 +110,8 @@ def relax(share, weights, source, factor, backwards):  # type: ignore[no-untyped
 
 @kernel
 def to_line(line, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the distance from a place to a line (k, 3) [m], and from there along it to its end."""
-    nearest, left = math.inf, 0.0
+    """Return the nearest place on a line (k, 3) [m], its distance, and how far it is from there to the end."""
+    nearest, left, place = math.inf, 0.0, (x, y, z)
     rest = 0.0
     for s in range(line.shape[0] - 2, -1, -1):
         ux = line[s + 1, 0] - line[s, 0]
@@ -120,43 +120,40 @@ def to_line(line, x, y, z):  # type: ignore[no-untyped-def]
         square = ux * ux + uy * uy + uz * uz
         along = (x - line[s, 0]) * ux + (y - line[s, 1]) * uy + (z - line[s, 2]) * uz
         share = min(max(along / square, 0.0), 1.0) if square > 0.0 else 0.0
-        dx = x - line[s, 0] - share * ux
-        dy = y - line[s, 1] - share * uy
-        dz = z - line[s, 2] - share * uz
-        apart = math.sqrt(dx * dx + dy * dy + dz * dz)
+        here = (line[s, 0] + share * ux, line[s, 1] + share * uy, line[s, 2] + share * uz)
+        apart = math.sqrt((x - here[0]) ** 2 + (y - here[1]) ** 2 + (z - here[2]) ** 2)
         length = math.sqrt(square)
         if apart < nearest:
-            nearest, left = apart, rest + (1.0 - share) * length
+            nearest, left, place = apart, rest + (1.0 - share) * length, here
         rest += length
-    return nearest, left
-
-
-@kernel
-def separation(line, other):  # type: ignore[no-untyped-def]
-    """Return the greatest distance of places on another line (j, 3) from a line (k, 3) [m]."""
-    most = 0.0
-    for s in range(other.shape[0] - 1):
-        for step in range(TUNING.grid_steps):
-            t = step / TUNING.grid_steps
-            x = (1.0 - t) * other[s, 0] + t * other[s + 1, 0]
-            y = (1.0 - t) * other[s, 1] + t * other[s + 1, 1]
-            z = (1.0 - t) * other[s, 2] + t * other[s + 1, 2]
-            most = max(most, to_line(line, x, y, z)[0])
-    return most
+    return place, nearest, left
 
 
 @cache
-def kernels_of(space: SpaceKernels) -> tuple[Any, Any]:
-    """Build the kernels that describe the points of a grid, and that take its slopes, by kernels of a footprint."""
-    clearance, two_walls, wall_slope = space.clearance, space.walls, slope_for(3)
+def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
+    """Build kernels by those of a footprint: where other lines are shut off, what points are like, their slopes."""
+    clearance, two_walls, certify_piece, wall_slope = space.clearance, space.walls, space.certify_piece, slope_for(3)
 
     @kernel
-    def describe(world, grid, lines, first, own, decay, apart):  # type: ignore[no-untyped-def]
-        """Write clearance, distance to the goal, k^2, and log psi by the length of the way over the own line.
+    def shut_off(static, line, places):  # type: ignore[no-untyped-def]
+        """Return which places on other lines (j, 3) an obstacle separates from a line (k, 3), as rows, their number.
 
-        lines: those of all classes one after another; first: rows where each begins, and their number; apart (H,): by
-        how much nearer than the own line another one makes places dearer [m].
+        Column 3 is the distance at which they make places dearer, a share of that to the line [m].
         """
+        out = np.empty((places.shape[0], 4))
+        count = 0
+        for i in range(places.shape[0]):
+            x, y, z = places[i, 0], places[i, 1], places[i, 2]
+            here, apart, _ = to_line(line, x, y, z)
+            if certify_piece(static, (x, y, z), here, False) != FREE:
+                out[count, 0], out[count, 1], out[count, 2] = x, y, z
+                out[count, 3] = TUNING.grid_apart * apart
+                count += 1
+        return out[:count]
+
+    @kernel
+    def describe(world, grid, line, barriers, decay):  # type: ignore[no-untyped-def]
+        """Write clearance, distance to the goal, k^2, and log psi by the length of the way over the line (k, 3)."""
         nx, ny, nz = grid.gap.shape
         h = grid.spacing
         square = decay * decay * (1.0 + decay * decay * h * h / 20.0)
@@ -171,14 +168,17 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any]:
                     dy = y - world.goal[1]
                     dz = z - world.goal[2]
                     grid.rim[i, j, k] = math.sqrt(dx * dx + dy * dy + dz * dz) - world.radius
-                    away, left = to_line(lines[first[own] : first[own + 1]], x, y, z)
+                    _, away, left = to_line(line, x, y, z)
                     grid.log_psi[i, j, k] = -decay * max(away + left - world.radius, 0.0)
-                    dearer = False
-                    for other in range(first.shape[0] - 1):
-                        if other != own:
-                            there, _ = to_line(lines[first[other] : first[other + 1]], x, y, z)
-                            dearer = dearer or there + apart[other] < away
-                    grid.rate[i, j, k] = square * (TUNING.grid_dearer if dearer else 1.0)
+                    grid.rate[i, j, k] = square
+                    for b in range(barriers.shape[0]):
+                        reach = away - barriers[b, 3]
+                        ex = x - barriers[b, 0]
+                        ey = y - barriers[b, 1]
+                        ez = z - barriers[b, 2]
+                        if reach > 0.0 and ex * ex + ey * ey + ez * ez < reach * reach:
+                            grid.rate[i, j, k] = TUNING.grid_dearer * square
+                            break
                     if grid.rim[i, j, k] <= 0.0:
                         grid.log_psi[i, j, k] = 0.0
 
@@ -215,7 +215,7 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any]:
                         out[i, j, k, axis] = rise - push[axis]
                     out[i, j, k, 3] = 1.0
 
-    return describe, slopes
+    return shut_off, describe, slopes
 
 
 @kernel
@@ -246,6 +246,14 @@ def extend(out):  # type: ignore[no-untyped-def]
     return left
 
 
+def places_along(line: Array) -> Array:
+    """Return places along a line (k, 3), not far from one to the next, (j, 3) [m]."""
+    legs = zip(line[:-1], line[1:], strict=True)
+    counts = np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / TUNING.grid_apart_step).astype(int)
+    shares = [np.arange(n)[:, None] / n for n in np.maximum(counts, 1).tolist()]
+    return np.vstack([(1.0 - t) * a + t * b for (a, b), t in zip(legs, shares, strict=True)])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DesirabilityGrid:
     """log psi of one class in an examined scene, and its slope without wall drift."""
@@ -270,10 +278,10 @@ class DesirabilityGrid:
         )
         shape = tuple(np.ceil(span / spacing - 1e-9).astype(int) + 1)
         grid = LATTICE(lower, spacing, *(np.empty(shape) for _ in range(4)))
-        describe, slopes = kernels_of(static.kernels)
-        first = np.cumsum([0, *map(len, lines)])
-        apart = np.array([TUNING.grid_apart * separation(lines[own], other) for other in lines])
-        describe(world, grid, np.vstack(lines), first, own, decay, apart)
+        shut_off, describe, slopes = kernels_of(static.kernels)
+        others = [places_along(line) for k, line in enumerate(lines) if k != own]
+        barriers = np.unique(np.round(np.vstack([np.empty((0, 3)), *others]) / spacing), axis=0) * spacing
+        describe(world, grid, lines[own], shut_off(static, lines[own], barriers), decay)
 
         reach = math.cos(math.pi / max(shape)) / math.cosh(decay * spacing)  # spectral radius of Jacobi's iteration
         factor = 2.0 / (1.0 + math.sqrt(1.0 - reach * reach))

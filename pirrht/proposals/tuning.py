@@ -100,8 +100,8 @@ class ProposalTuning(NamedTuple):
     grid_spacings: float = 1.5  # and in spacings of the clearance
     grid_points: float = 3e5  # at most; more cost time
     grid_dearer: float = 100.0  # of k^2 where another class's reference is nearer, so that hardly anything goes there,
-    grid_apart: float = 0.5  # by this share of the greatest distance between both references
-    grid_steps: int = 16  # of a leg, at whose ends that distance is measured
+    grid_apart: float = 0.1  # by this share of the distance between both, if an obstacle separates them
+    grid_apart_step: float = 0.1  # between places where that is checked [m]
     grid_clear: float = 0.3  # spacings of clearance below which a point's slope is that of its neighbours
     grid_sweeps: int = 200  # at most
     grid_settled: float = 0.02  # greatest change of log psi after which a sweep is the last [nats]
