@@ -42,7 +42,7 @@ def blocks(occupied: Cells) -> Rectangles:
 def _joined(occupied: Cells, axes: Sequence[int]) -> Rectangles:
     """Return boxes of runs along the last of the axes, joined along the second and then along the first."""
     step = np.diff(np.pad(occupied.transpose(axes), ((0, 0), (0, 0), (1, 1))).view(np.int8), axis=2)
-    found = np.hstack([np.argwhere(step > 0), np.argwhere(step < 0) + [1, 1, 0]])
+    found = np.hstack([np.argwhere(step > 0), np.argwhere(step < 0) + np.array([1, 1, 0])])
     for axis in (1, 0):
         others = [column for column in range(6) if column % 3 != axis]
         found = found[np.lexsort(found[:, [axis, *others]].T)]

@@ -282,7 +282,9 @@ class Scene:
         corner = numbers(origin, (3,), "the origin", AXES[3])
         grid = solids.occupancy(occupied, ("nx", "ny", "nz"))
         side = number(size, "the size", "the side of a voxel, a positive number [m]")
-        return cls._of(solids.voxels(grid, side, corner), corner, corner + side * np.array(grid.shape), space=True, **task)
+        return cls._of(
+            solids.voxels(grid, side, corner), corner, corner + side * np.array(grid.shape), space=True, **task
+        )
 
     @classmethod
     def _of(

@@ -61,7 +61,9 @@ def voxels(occupied: BoolArray, size: float, origin: Array) -> tuple[Obstacle, .
 
     corners = (size * blocks(occupied) + np.tile(origin, 2)).reshape(-1, 2, 3)
     return tuple(
-        Obstacle(name=f"block {i}", kind=Kind.BOX, size=0.5 * (high - low), position=0.5 * (low + high), rotation=np.eye(3))
+        Obstacle(
+            name=f"block {i}", kind=Kind.BOX, size=0.5 * (high - low), position=0.5 * (low + high), rotation=np.eye(3)
+        )
         for i, (low, high) in enumerate(corners, start=1)
     )
 

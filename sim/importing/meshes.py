@@ -1,15 +1,16 @@
 """Collision meshes as convex parts, since MuJoCo collides with the convex hull of a mesh: a room would be a block.
 
 A mesh that is not convex is cut along planes of its own faces, the deepest inside its hull first, until every part
-lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out exactly. A surface that is stored from
-both sides counts once. COLLADA files (.dae) are placed as Gazebo places them, by their unit and nodes but not by
-`<up_axis>`.
+lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out exactly. Where that takes too many cuts,
+CoACD splits the mesh, or if it is not installed its faces are taken one by one. A surface that is stored from both
+sides counts once. COLLADA files (.dae) are placed as Gazebo places them, by unit and nodes but not by `<up_axis>`.
 """
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,10 @@ from sim.importing.sdf_files import parse
 from sim.importing.solids import FLAT, LOW, World, is_low, part_solid
 from sim.mjcf.library import FARTHEST, MOST_ELEMENTS, MOST_TRIANGLES, content_of, listed, refused
 
-SUFFIXES = (".dae", ".obj", ".stl")
+SUFFIXES = (".dae", ".obj", ".ply", ".stl")
 CONCAVE = 0.03  # how deep the surface of a convex part may lie inside its hull [m]
 MOST_CUTS, MOST_PARTS = 100, 1000  # parts of what hangs together, and of one mesh
+WIDEST = 1000.0  # of a mesh that is a scene [m]: in millimetres rooms are wider
 MOST_WORK = 2e9  # depths of points below planes of hulls, for all meshes of a file: about five seconds
 MOST_FACES = 20_000  # triangles that CoACD is given: it takes half a minute for them
 _OPEN = 1.5  # where a surface has an edge, a hull of more than this times its area is no solid
@@ -53,31 +55,53 @@ class Budget:
         return self.left >= 0.0
 
 
-def read_mesh(source: Path) -> World:
-    """Read a mesh as a world of its convex parts, by CoACD where its own faces leave parts that are not convex."""
-    parts, rough = split(source)
-    if rough:
-        parts = _by_coacd(source)
-    x, y, _ = np.vstack(parts).T
+def read_mesh(source: Path, dimension: int = 2) -> World:
+    """Read a mesh as a world of its convex parts; in the plane, of what is high enough not to be driven over."""
+    triangles = checked(source)
+    parts, notes = convex_parts(triangles, str(source))
+    corners = np.vstack(parts)
+    bounds = np.column_stack([corners.min(axis=0), corners.max(axis=0)]).ravel()
+    if np.ptp(corners, axis=0).max() > WIDEST:
+        wide = f"it is {np.ptp(corners, axis=0).max():g} m wide; if its unit is the millimetre, scale it by 0.001"
+        raise SceneError(f"{source}: {wide}, else cut out {WIDEST:g} m")
     solids = [part_solid(f"part {number}", np.eye(4), one) for number, one in enumerate(parts, 1)]
-    low = [solid.name for solid in solids if is_low(solid)]
+    low = [solid.name for solid in solids if dimension == 2 and is_low(solid)]
     return World(
-        kind="mesh", solids=tuple(solid for solid in solids if not is_low(solid)),
-        ground=np.array([x.min(), x.max(), y.min(), y.max()]), notes=(LOW + listed(low),) if low else (),
+        kind="mesh", solids=tuple(solid for solid in solids if solid.name not in low),
+        ground=bounds, notes=(*notes, *([LOW + listed(low)] if low else [])),
     )  # fmt: skip
 
 
-def _by_coacd(source: Path) -> list[Array]:
+def convex_parts(triangles: Array, label: str) -> tuple[list[Array], list[str]]:
+    """Split triangles (t, 3, 3) [m] into convex parts, corners of each (v, 3), and say if their own faces do not do.
+
+    Then CoACD splits them, or if it is not installed the surface is taken by its faces.
+    """
+    parts, rough = _split(triangles, Budget())
+    if not rough:
+        return parts, []
+    what = f"{label}: its own faces leave parts that are not convex"
+    try:
+        parts = _by_coacd(triangles, label)
+    except ImportError:
+        parts = list(chain.from_iterable(map(_plates, _pieces(triangles))))
+        if len(parts) > MOST_PARTS:
+            more = f"{len(parts)} faces, more than {MOST_PARTS}: install CoACD, `pip install 'pirrht[decompose]'`"
+            raise OptionError(f"{what}, and it has {more}") from None
+        return parts, [f"{what}; it is taken by {len(parts)} flat faces (`pirrht[decompose]` makes solid parts)"]
+    return parts, [f"{what}; CoACD makes {len(parts)} of them, on a coarse grid"]
+
+
+def _by_coacd(triangles: Array, label: str) -> list[Array]:
     """Return the corners of convex parts (v, 3) [m] that CoACD finds."""
-    need = f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
-    with refused(need, "", ImportError, most=0, kind=OptionError):
-        import coacd
-    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source)))
+    import coacd
+
+    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
     if len(mesh.faces) > MOST_FACES:
         few = f"simplify it to {MOST_FACES} triangles or fewer"
-        raise SceneError(f"{source}: its {len(mesh.faces)} triangles would take CoACD minutes; {few}")
+        raise SceneError(f"{label}: its {len(mesh.faces)} triangles would take CoACD minutes; {few}")
     coacd.set_log_level("error")
-    with refused(f"{source}: CoACD finds no convex parts (", ")", Exception):  # of a library in C++
+    with refused(f"{label}: CoACD finds no convex parts (", ")", Exception):  # of a library in C++
         found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces))  # closes what is open, on a coarse grid
     return [np.asarray(corners, dtype=float) for corners, _ in found]
 
@@ -90,12 +114,22 @@ def split(
     Returns corners of each part (v, 3) [m], and how far a hull sticks out at most [m], 0 if all are within `CONCAVE`.
     Once the budget is spent, the hull is returned.
     """
+    return _split(checked(path, scale), budget or Budget(), hull=hull)
+
+
+def checked(path: Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Array:
+    """Read the corners of a mesh's triangles, (t, 3, 3) [m]; SceneError: it has none, or they are too far out."""
     triangles = _read(path) * scale
     if not len(triangles):
         raise SceneError(f"{path}: it has no triangles; export it again")
     if not np.all(np.abs(triangles) <= FARTHEST):
         raise SceneError(f"{path}: corners are farther out than {FARTHEST:g} m; scale it down")
-    parts = [] if hull else _parts(triangles, budget or Budget())
+    return triangles
+
+
+def _split(triangles: Array, budget: Budget, *, hull: bool = False) -> tuple[list[Array], float]:
+    """Split triangles (t, 3, 3) as of `split`."""
+    parts = [] if hull else _parts(triangles, budget)
     if not parts:
         whole = _hull(triangles)
         few = triangles[:: 1 + int(_work(triangles, whole) / MOST_WORK)]  # their depths are those of nearly all
@@ -121,7 +155,10 @@ def _read(path: Path) -> Array:
         raise SceneError(f"{path}: meshes are read from {', '.join(SUFFIXES)}; convert it")
     data = content_of(path, "a mesh")
     begin, each = _BINARY
-    if suffix == ".obj" or len(data) != begin + each * int.from_bytes(data[begin - 4 : begin], "little"):
+    binary = suffix == ".ply" and b"format binary" in data[:1000]
+    if not binary and (
+        suffix != ".stl" or len(data) != begin + each * int.from_bytes(data[begin - 4 : begin], "little")
+    ):
         data = data.decode(errors="replace").encode()  # trimesh needs another library for text that is not UTF-8
     with refused(f"{path}: this is no mesh of triangles (", "); export it again", Exception, most=100):
         return np.array(trimesh.load_mesh(BytesIO(data), file_type=suffix[1:], process=False).triangles, dtype=float)
