@@ -16,8 +16,9 @@ from sdf_samples import refused
 from trimesh.triangles import area
 
 from pirrht.errors import SceneError
-from sim.importing.meshes import CONCAVE, Budget, read_collada, split
+from sim.importing.meshes import read_collada, split
 from sim.importing.solids import as_box
+from sim.mjcf.convex import CONCAVE, Budget
 
 RING = trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
 SHELL = trimesh.creation.box((6, 4, 2))  # walls without thickness, and neither floor nor ceiling
