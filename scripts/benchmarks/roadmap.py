@@ -16,7 +16,6 @@ from scipy.sparse.csgraph import yen
 from scipy.spatial import KDTree
 
 from pirrht.arrays import Array
-from pirrht.errors import NoReference
 from pirrht.plotting.strokes import even
 from sim.scenario import Scenario, prepare
 
@@ -34,8 +33,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], Any]:
     scenario.references(scenario.grown_tree())  # compiles
     _roadmap(scenario, 0.1)
     values = [{"seconds": limit, **_ours(scenario, limit), **_roadmap(scenario, limit)} for limit in TIMES]
-    pieces = len(scenario.space.scene.obstacles)
-    named = [scenario.problem.scene.name, str(pieces)]
+    named = [scenario.problem.scene.name, str(len(scenario.space.scene.obstacles))]
     table = [[*named, *(f"{number:.4g}" for number in one.values())] for one in values]
     return ["scene", "pieces", *(key.replace("_", " ") for key in values[0])], table, values
 
@@ -46,23 +44,19 @@ def _ours(scenario: Scenario, limit: float) -> dict[str, float]:
     tree = scenario.grown_tree()
     while time.perf_counter() < end:
         tree.grow(tree.size + AT_ONCE)
-    try:
-        found = scenario.references(tree)
-    except NoReference:
-        found = []
+    paths = [even(one.trajectory.points[:, :3], SIGHTS) for one in scenario.references(tree)]
     ours = time.perf_counter() - end + 0.5 * limit
-    paths = [even(one.trajectory.points[:, :3], SIGHTS) for one in found]
-    return {"ours": ours, "vertices": tree.size, "classes": len(found), "distinct": len(_distinct(scenario, paths))}
+    return {"ours": ours, "vertices": tree.size, "classes": len(paths), "distinct": len(_distinct(scenario, paths, []))}
 
 
 def _roadmap(scenario: Scenario, limit: float) -> dict[str, float]:
-    """Roadmaps, paths and distinct paths after so long [s]."""
+    """Roadmaps and distinct paths after so long [s]."""
     began = time.perf_counter()
     scene = scenario.space.scene
     collision = scenario.space.collision
     rng = np.random.default_rng(scenario.settings.seed)
-    maps = count = 0
     kept = list[Array]()
+    maps = 0
     while time.perf_counter() < began + limit:
         drawn = rng.uniform(scene.lower, scene.upper, (PLACES, 3))
         places = np.vstack([scene.start, scene.goal.center, drawn[collision.clearance(drawn) > 0.0]])
@@ -75,8 +69,7 @@ def _roadmap(scenario: Scenario, limit: float) -> dict[str, float]:
         paths = [_short(scenario, even(places[_back(row)], SIGHTS)) for row in before.tolist()]
         kept = _distinct(scenario, paths, kept)
         maps += 1
-        count += len(paths)
-    return {"prm": time.perf_counter() - began, "maps": maps, "paths": count, "distinct_of_prm": len(kept)}
+    return {"prm": time.perf_counter() - began, "maps": maps, "distinct_of_prm": len(kept)}
 
 
 def _short(scenario: Scenario, path: Array) -> Array:
@@ -97,9 +90,8 @@ def _back(before: list[int]) -> list[int]:
     return way[::-1]
 
 
-def _distinct(scenario: Scenario, paths: list[Array], kept: list[Array] | None = None) -> list[Array]:
+def _distinct(scenario: Scenario, paths: list[Array], kept: list[Array]) -> list[Array]:
     """Return paths (SIGHTS, 3) that none before deforms to, after those that are kept."""
-    kept = kept or []
     for path in paths:
         if not any(scenario.space.collision.segments_free(path, other).all() for other in kept):
             kept = [*kept, path]

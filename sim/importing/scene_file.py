@@ -85,15 +85,7 @@ def import_world(
     dimension = 3 if kind == "grid" or (kind in ("mesh", "world") and len(goal or ()) == 4) else 2
     content = content_of(source, what)
     _check_target(source, target)
-    for given, of, words in (
-        (decompose, "mesh", f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
-        (without, "world", f"{source}: only models of a Gazebo world can be left out by name"),
-        (unknown, "map", f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
-        (number, "motions", "--world is for files of motions (--motion); leave it out"),
-        (cell is not None, "grid", f"--cell is for grids of voxels, {', '.join(voxels.SUFFIXES)}; leave it out"),
-    ):
-        if given and kind != of:
-            raise OptionError(words)
+    _check_options(source, kind, decompose=decompose, without=without, unknown=unknown, number=number, cell=cell)
     if kind == "world":
         _check_world(source, content)
     read: dict[str, Callable[[], World]] = {
@@ -110,6 +102,22 @@ def import_world(
     notes = (*world.notes, *([turns] if kind in ("map", "mesh") and dimension == 2 else []))
     geoms = len(world.solids) + len(world.bodies)
     return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)
+
+
+def _check_options(
+    source: Path, kind: str, *, decompose: bool, without: Sequence[str], unknown: str | None, number: str | None,
+    cell: float | None,
+) -> None:  # fmt: skip
+    """Refuse options of other kinds of files."""
+    for given, of, words in (
+        (decompose, "mesh", f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
+        (without, "world", f"{source}: only models of a Gazebo world can be left out by name"),
+        (unknown, "map", f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
+        (number, "motions", "--world is for files of motions (--motion); leave it out"),
+        (cell is not None, "grid", f"--cell is for grids of voxels, {', '.join(voxels.SUFFIXES)}; leave it out"),
+    ):
+        if given and kind != of:
+            raise OptionError(words)
 
 
 def _check_target(source: Path, target: Path) -> None:

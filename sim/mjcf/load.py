@@ -111,13 +111,8 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
     robot = read_robot(task.robot or meant, radius, task.system, footprint=footprint, margin=margin)
     with prefixed(f"{path}: "):
-        model = _join(spec, robot, path)
         adapter = robot.system.adapter
-        data, mine, met = _met(model, robot, faults)
-        if adapter.dimension == 3 and (parted := part_meshes(spec, model, obstacles.concave_meshes(model, met))):
-            notes += parted
-            model = compile_spec(spec, path)
-            data, mine, met = _met(model, robot, faults)
+        model, data, mine, met = _joined(spec, robot, path, faults, notes)
         faults.of(_refuse_actuators, model, len(robot.command))
         solids = {geom: robot.meets(solid) for geom, solid in met.items()}
         borders = faults.of(obstacles.read_workspace, model, data, task.workspace, adapter.dimension)
@@ -194,12 +189,25 @@ def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     return compile_spec(spec, path)
 
 
-def _met(model: mujoco.MjModel, robot: Robot, faults: Faults) -> tuple[mujoco.MjData, Mask, dict[int, Obstacle]]:
-    """Return where everything is, which geoms (ngeom,) are the robot's, and what it can collide with, by geom."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
-    return data, mine, obstacles.read_obstacles(model, data, mine, robot.span, faults)
+def _joined(
+    spec: mujoco.MjSpec, robot: Robot, path: Path, faults: Faults, notes: list[str]
+) -> tuple[mujoco.MjModel, mujoco.MjData, Mask, dict[int, Obstacle]]:
+    """Attach the robot, for one in space among convex parts of meshes, and note it.
+
+    Returns model, places of everything, which geoms (ngeom,) are the robot's, and what it can collide with, by geom.
+    """
+    model = _join(spec, robot, path)
+    while True:
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
+        met = obstacles.read_obstacles(model, data, mine, robot.span, faults)
+        concave = obstacles.concave_meshes(model, met) if robot.system.adapter.dimension == 3 else {}
+        parted = part_meshes(spec, model, concave)
+        if not parted:
+            return model, data, mine, met
+        notes += parted
+        model = compile_spec(spec, path)
 
 
 def _margin_left(scene: Scene, margin: float, task: SceneOptions, at: str) -> float | None:
