@@ -95,14 +95,14 @@ COMMAND_OPTIONS = (
           "(.npy, .npz, .bt)", "WORLD", positional=True),
     _output("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
     _flag("import", "motion", "WORLD is a file of motions (DynaBARN)"),
-    _flag("import", "decompose", "WORLD is a mesh in metres, z up: write its convex parts, as without this option"),
-    _one("import", "cell", "side of a voxel of a .npy or .npz file", "M", kind=float, bounds=(1e-6, 1e6)),
+    _flag("import", "decompose", "WORLD is a mesh (not needed)"),
+    _one("import", "cell", "side of a voxel", "M", kind=float, bounds=(1e-6, 1e6)),
     _one("import", "world", "number of the world in a file of motions", "NUMBER", attribute="number",
          unset="its only one"),
     *(replace(BY_SCENE[name], commands=("import",), role="command", group="", bounds=PLACES, unset="")
       for name in ("start", "goal", "workspace")),
-    _one("import", "models", "folders of models of a Gazebo world, in addition to GZ_SIM_RESOURCE_PATH, "
-         "GAZEBO_MODEL_PATH and folders around WORLD", "DIR", kind=Path, count="+"),
+    _one("import", "models", "folders of a Gazebo world's models, before GZ_SIM_RESOURCE_PATH, "
+         "GAZEBO_MODEL_PATH and those around WORLD", "DIR", kind=Path, count="+"),
     _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
     _one("import", "unknown", "unknown cells of a map are walls (occupied) or not (free)", "RULE", unset="occupied"),
 )  # fmt: skip
