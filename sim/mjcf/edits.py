@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 
 from pirrht.errors import SceneError
-from sim.mjcf.convex import convex_parts
 from sim.mjcf.library import compile_spec, delete, listed
 from sim.mjcf.obstacles import MOTION, mesh_of, moved_geoms
 from sim.text import counted
@@ -120,10 +119,12 @@ def part_meshes(spec: mujoco.MjSpec, model: mujoco.MjModel, concave: Mapping[int
 
     `concave` has what messages call the meshes, by geom. A mesh that is one part stays as it is.
     """
-    geoms = {geom.id: geom for geom in spec.geoms}
-    notes = []
+    geoms = {geom.id: geom for geom in spec.geoms} if concave else {}
+    notes = list[str]()
 
     for number, label in concave.items():
+        from sim.mjcf.convex import convex_parts  # trimesh is slow to import, and few scenes have meshes
+
         geom = geoms[number]
         vertices, faces = mesh_of(model, number)
         turn = np.zeros(9)
