@@ -23,7 +23,7 @@ from sim.importing.solids import Solid, World
 from sim.mjcf.library import FARTHEST, FINEST, LARGEST_FILE, content_of, refused
 
 SUFFIXES = (".npy", ".npz", ".bt")
-MOST_PARTS = 5000  # boxes of a grid: plans among so many take a minute
+MOST_PARTS = 3000  # boxes of a grid: plans among so many take more than a minute
 DEPTH = 16  # of a tree's voxels below its root
 FREE, OCCUPIED, INNER = 1, 2, 3  # of a part of a cube
 

@@ -206,7 +206,7 @@ def test_a_grid_that_is_empty_or_takes_too_many_boxes_is_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.zeros((3, 3, 3), dtype=bool))
     refused(lambda: read_voxels(tmp_path / "a.npy", 0.1), "none of its 27 voxels is occupied")
     np.save(tmp_path / "b.npy", np.random.default_rng(0).random((40, 40, 40)) < 0.3)
-    refused(lambda: read_voxels(tmp_path / "b.npy", 0.1), "boxes, and at most 5000 are taken")
+    refused(lambda: read_voxels(tmp_path / "b.npy", 0.1), "boxes, and at most 3000 are taken")
     np.save(tmp_path / "c.npy", np.zeros((3, 3), dtype=bool))
     refused(lambda: read_voxels(tmp_path / "c.npy", 0.1), "(nx, ny, nz)")
 
