@@ -188,11 +188,11 @@ class Nerve:
         """Return the sets along a basis of cycles: of few sets each, then that leave the workspace seldom, then short.
 
         Known cycles come first, and are left out. A cycle that is no sum of triangles has an edge with a part of its
-        class, so it is enough to search from the first ends of these.
+        class, so it is enough to search from the ends of these.
         """
         parts = self.parts()
         best = dict[int, tuple[int, int, float, list[int]]]()
-        for first in sorted({i for (i, _), e in self.edge_of.items() if parts[e]}):
+        for first in sorted({i for pair, e in self.edge_of.items() if parts[e] for i in pair}):
             chain, total = self._tree(first, parts)
             for (i, j), e in self.edge_of.items():
                 if i not in chain or not (kind := total[i] ^ total[j] ^ parts[e]):
@@ -206,7 +206,8 @@ class Nerve:
         for one in known:
             _independent(self.kind(one, parts), rows)
         ordered = sorted(best.items(), key=lambda item: item[1])
-        return [cycle for kind, (*_, cycle) in ordered if _independent(kind, rows)]
+        kept = [cycle for kind, (*_, cycle) in ordered if _independent(kind, rows)]
+        return [[*cycle[k:], *cycle[:k]] for cycle in kept for k in [cycle.index(min(cycle))]]
 
     def kind(self, cycle: Sequence[int], parts: list[int]) -> int:
         """Return the class of a cycle modulo 2, of the parts of edges."""
