@@ -83,7 +83,8 @@ def import_world(
     kind = "motions" if motion else _KINDS.get(source.suffix.lower(), "world")
     what = "the JSON file of a set of motions" if kind == "motions" else "an SDF world file or the YAML file of a map"
     dimension = 3 if kind == "grid" or (kind in ("mesh", "world") and len(goal or ()) == 4) else 2
-    content = content_of(source, what)
+    remedy = {"grid": "cut out a part, or join voxels"}.get(kind, "remove what is no obstacle")
+    content = content_of(source, what, remedy)
     _check_target(source, target)
     _check_options(source, kind, decompose=decompose, without=without, unknown=unknown, number=number, cell=cell)
     if kind == "world":
@@ -198,7 +199,8 @@ def _task(source: Path, world: World, task: Sequence[Sequence[float] | None], di
 
     if start is None or goal is None:
         missing = " and ".join(f"the {what}" for what, one in (("start", start), ("goal", goal)) if one is None)
-        raise SceneError(f"{source}: this {world.kind} does not name {missing}: give {begin} and {end}")
+        more = ", or X Y Z and X Y Z R in space" if world.kind == "mesh" and dimension == 2 else ""
+        raise SceneError(f"{source}: this {world.kind} does not name {missing}: give {begin} and {end}{more}")
     place = _numbers(source, begin, start, (dimension, 3))
     ball = _numbers(source, end, goal, (dimension + 1,))
 
