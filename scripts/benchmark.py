@@ -39,7 +39,7 @@ from sim.text import table
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
     "speed": (None, "rollouts", "planners", "drive", "systems", "moving", "plant"),
-    "calibration": (None, "car", "moving", "mazes", "rectangle"),
+    "calibration": (None, "car", "moving", "mazes", "rectangle", "space"),
     "mass": (None, "line"),
     "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
@@ -67,7 +67,7 @@ def main() -> int:
         help="of `quality`: "
         + ", ".join(map(str, PARTS["quality"]))
         + "; of `speed`: rollouts, planners, drive (all), systems, moving, plant; "
-        "of `calibration`: car, moving, mazes, rectangle; of `mass`: line",
+        "of `calibration`: car, moving, mazes, rectangle, space; of `mass`: line",
     )
     parser.add_argument(
         "--seeds",

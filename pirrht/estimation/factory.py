@@ -140,7 +140,7 @@ class ProposalFactory:
         """Return the ascent from x (n,) of the class of one of some lines (k, 3) [m] to the goal point."""
         scales = self.scales(x)
         if own not in grids:
-            grids[own] = DesirabilityGrid.of(self._soft, lines, own, scales.decay, scales.wall_offset)
+            grids[own] = DesirabilityGrid.of(self.space, self._soft, lines, own, scales.decay, scales.wall_offset)
         return GridAscent.of(grids[own], x, self.wall_drift(scales.wall_offset, self.sampling.first_dt))
 
     def push(self, tables: ProposalTables, x: Array, time: float = 0.0) -> WallDrift:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
 from pirrht.geometry.space import FREE, SpaceKernels
 from pirrht.geometry.world import World
 from pirrht.jit.jit import inlined, kernel
@@ -109,6 +110,27 @@ def relax(share, weights, source, factor, backwards):  # type: ignore[no-untyped
 
 
 @kernel
+def refine(coarse, grid):  # type: ignore[no-untyped-def]
+    """Interpolate log psi of a grid of twice the spacing at free points of another one."""
+    nx, ny, nz = grid.log_psi.shape
+    cx, cy, cz = coarse.log_psi.shape
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                if grid.gap[i, j, k] <= 0.0 or grid.rim[i, j, k] <= 0.0:
+                    continue
+                total = 0.0
+                for a in range(2):
+                    for b in range(2):
+                        for c in range(2):
+                            p = min((i + a) // 2, cx - 1)
+                            q = min((j + b) // 2, cy - 1)
+                            r = min((k + c) // 2, cz - 1)
+                            total += coarse.log_psi[p, q, r]
+                grid.log_psi[i, j, k] = total / 8.0
+
+
+@kernel
 def to_line(line, x, y, z):  # type: ignore[no-untyped-def]
     """Return the nearest place on a line (k, 3) [m], its distance, and how far it is from there to the end."""
     nearest, left, place = math.inf, 0.0, (x, y, z)
@@ -131,25 +153,20 @@ def to_line(line, x, y, z):  # type: ignore[no-untyped-def]
 
 @cache
 def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
-    """Build kernels by those of a footprint: where other lines are shut off, what points are like, their slopes."""
+    """Build kernels by those of a footprint: which places are seen, what points are like, and their slopes."""
     clearance, two_walls, certify_piece, wall_slope = space.clearance, space.walls, space.certify_piece, slope_for(3)
 
     @kernel
-    def shut_off(static, line, places):  # type: ignore[no-untyped-def]
-        """Return which places on other lines (j, 3) an obstacle separates from a line (k, 3), as rows, their number.
-
-        Column 3 is the distance at which they make places dearer, a share of that to the line [m].
-        """
-        out = np.empty((places.shape[0], 4))
-        count = 0
-        for i in range(places.shape[0]):
+    def seen(static, line, places):  # type: ignore[no-untyped-def]
+        """Return for places (j, 3) the nearest ones on a line (k, 3), (j, 3) [m], and whether a free piece joins both."""
+        nearest = np.empty_like(places)
+        free = np.empty(len(places), dtype=np.bool_)
+        for i in range(len(places)):
             x, y, z = places[i, 0], places[i, 1], places[i, 2]
-            here, apart, _ = to_line(line, x, y, z)
-            if certify_piece(static, (x, y, z), here, False) != FREE:
-                out[count, 0], out[count, 1], out[count, 2] = x, y, z
-                out[count, 3] = TUNING.grid_apart * apart
-                count += 1
-        return out[:count]
+            here, _, _ = to_line(line, x, y, z)
+            nearest[i, 0], nearest[i, 1], nearest[i, 2] = here
+            free[i] = certify_piece(static, (x, y, z), here, False) == FREE
+        return nearest, free
 
     @kernel
     def describe(world, grid, line, barriers, decay):  # type: ignore[no-untyped-def]
@@ -171,12 +188,12 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
                     _, away, left = to_line(line, x, y, z)
                     grid.log_psi[i, j, k] = -decay * max(away + left - world.radius, 0.0)
                     grid.rate[i, j, k] = square
+                    near = TUNING.grid_nearer * away
                     for b in range(barriers.shape[0]):
-                        reach = away - barriers[b, 3]
                         ex = x - barriers[b, 0]
                         ey = y - barriers[b, 1]
                         ez = z - barriers[b, 2]
-                        if reach > 0.0 and ex * ex + ey * ey + ez * ez < reach * reach:
+                        if ex * ex + ey * ey + ez * ez < near * near:
                             grid.rate[i, j, k] = TUNING.grid_dearer * square
                             break
                     if grid.rim[i, j, k] <= 0.0:
@@ -204,6 +221,7 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
                     c, n, d, m = two_walls(world.static, place)
                     least = np.float32(TUNING.closest)
                     push = wall_slope((max(c, least), n, max(d, least), m), offset)
+                    square = 1e-9
                     for axis in range(3):
                         front, ahead, _ = _arm(grid, i, j, k, axis, 1)
                         back, behind, _ = _arm(grid, i, j, k, axis, -1)
@@ -212,10 +230,15 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
                         else:
                             bend = ((front - 1.0) / ahead + (back - 1.0) / behind) / (ahead + behind)
                             rise = (front - 1.0) / ahead - bend * ahead
-                        out[i, j, k, axis] = rise - push[axis]
+                        out[i, j, k, axis] = rise
+                        square += rise * rise
+                    # Where it is dearer the slope leads back, and no more steeply than elsewhere.
+                    steep = decay / math.sqrt(square) if grid.rate[i, j, k] > 2.0 * decay * decay else 1.0
+                    for axis in range(3):
+                        out[i, j, k, axis] = min(steep, 1.0) * out[i, j, k, axis] - push[axis]
                     out[i, j, k, 3] = 1.0
 
-    return shut_off, describe, slopes
+    return seen, describe, slopes
 
 
 @kernel
@@ -249,9 +272,62 @@ def extend(out):  # type: ignore[no-untyped-def]
 def places_along(line: Array) -> Array:
     """Return places along a line (k, 3), not far from one to the next, (j, 3) [m]."""
     legs = zip(line[:-1], line[1:], strict=True)
-    counts = np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / TUNING.grid_apart_step).astype(int)
+    counts = np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / TUNING.grid_step).astype(int)
     shares = [np.arange(n)[:, None] / n for n in np.maximum(counts, 1).tolist()]
-    return np.vstack([(1.0 - t) * a + t * b for (a, b), t in zip(legs, shares, strict=True)])
+    return np.vstack([*((1.0 - t) * a + t * b for (a, b), t in zip(legs, shares, strict=True)), line[-1:]])
+
+
+def barriers(space: FreeSpace, lines: Sequence[Array], own: int) -> Array:
+    """Return places on lines of other classes that obstacles separate from one's own, (j, 3) [m].
+
+    Where a stretch of another line is not seen from the own one, paths that change over from this to that before the
+    stretch and after it may be of two classes: then what is between both lines tells the classes apart.
+    """
+    seen, *_ = kernels_of(space.static.kernels)
+    line = lines[own]
+    found = [np.empty((0, 3))]
+    for other in (one for k, one in enumerate(lines) if k != own):
+        places = places_along(other)
+        nearest, free = seen(space.static, line, places)
+        ends = np.flatnonzero(np.diff(free))  # the last before each change
+
+        def class_by(i: int, places: Array = places, nearest: Array = nearest) -> tuple[int, ...]:
+            """Return the class of the path that changes over at place i."""
+            before = places_along(line)
+            _, away = before, np.linalg.norm(before - nearest[i], axis=1)
+            way = np.vstack([before[: int(np.argmin(away)) + 1], nearest[i], places[i:]])
+            return space.homology.winding(way)
+
+        for first, last in zip(ends[::2], ends[1::2], strict=False):
+            if class_by(int(first)) != class_by(int(last) + 1):
+                found.append(places[first + 1 : last + 1])
+    return np.vstack(found)
+
+
+def relaxed(space: FreeSpace, world: World, line: Array, others: Array, decay: float, spacing: float) -> Lattice:
+    """Solve for log psi of the class of a line (k, 3), apart from other places (j, 3) [m], from coarse grids to fine.
+
+    psi decays by k per meter [1/m].
+    """
+    lower = space.scene.lower
+    shape = tuple(np.ceil((space.scene.upper - lower) / spacing - 1e-9).astype(int) + 1)
+    grid = LATTICE(lower, spacing, *(np.empty(shape) for _ in range(4)))
+    _, describe, _ = kernels_of(space.static.kernels)
+    describe(world, grid, line, others, decay)
+    if grid.gap.size > TUNING.grid_coarsest:
+        refine(relaxed(space, world, line, others, decay, 2.0 * spacing), grid)
+
+    reach = math.cos(math.pi / max(shape)) / math.cosh(decay * spacing)  # spectral radius of Jacobi's iteration
+    factor = 2.0 / (1.0 + math.sqrt(1.0 - reach * reach))
+    weights = np.empty((*shape, 6))
+    source = np.empty(shape)
+    weigh(grid, weights, source)
+    share = np.where((grid.gap > 0.0) & (grid.rim > 0.0), 1.0, 0.0)
+    for sweep in range(TUNING.grid_sweeps):
+        if relax(share, weights, source, factor, bool(sweep % 2)) < TUNING.grid_settled:
+            break
+    grid.log_psi[share > 0.0] += np.log(share[share > 0.0])
+    return grid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -264,41 +340,25 @@ class DesirabilityGrid:
     slope: Any  # (nx, ny, nz, 4) float32: slope of log psi without wall drift [1/m], one number unused
 
     @classmethod
-    def of(cls, world: World, lines: Sequence[Array], own: int, decay: float, offset: float) -> "DesirabilityGrid":
+    def of(
+        cls, space: FreeSpace, world: World, lines: Sequence[Array], own: int, decay: float, offset: float
+    ) -> "DesirabilityGrid":
         """Solve for the class of one of some references, lines (k, 3) [m] to the goal point.
 
         psi decays by k per meter [1/m]; walls push within about an offset [m].
         """
-        static: Any = world.static
-        lower = np.array(static.lower)
-        span = np.array(static.upper) - lower
+        span = space.scene.upper - space.scene.lower
         spacing = max(
-            min(TUNING.grid_lengths / decay, TUNING.grid_spacings * static.spacing),
+            min(TUNING.grid_lengths / decay, TUNING.grid_spacings * space.static.spacing),
             float(np.prod(span) / TUNING.grid_points) ** (1.0 / 3.0),
         )
-        shape = tuple(np.ceil(span / spacing - 1e-9).astype(int) + 1)
-        grid = LATTICE(lower, spacing, *(np.empty(shape) for _ in range(4)))
-        shut_off, describe, slopes = kernels_of(static.kernels)
-        others = [places_along(line) for k, line in enumerate(lines) if k != own]
-        barriers = np.unique(np.round(np.vstack([np.empty((0, 3)), *others]) / spacing), axis=0) * spacing
-        describe(world, grid, lines[own], shut_off(static, lines[own], barriers), decay)
-
-        reach = math.cos(math.pi / max(shape)) / math.cosh(decay * spacing)  # spectral radius of Jacobi's iteration
-        factor = 2.0 / (1.0 + math.sqrt(1.0 - reach * reach))
-        weights = np.empty((*shape, 6))
-        source = np.empty(shape)
-        weigh(grid, weights, source)
-        share = np.where((grid.gap > 0.0) & (grid.rim > 0.0), 1.0, 0.0)
-        for sweep in range(TUNING.grid_sweeps):
-            if relax(share, weights, source, factor, bool(sweep % 2)) < TUNING.grid_settled:
-                break
-        with np.errstate(divide="ignore"):
-            grid.log_psi[:] = np.where(share > 0.0, grid.log_psi + np.log(share), grid.log_psi)
-        out = np.zeros((*shape, KNOWN), np.float32)
+        grid = relaxed(space, world, lines[own], barriers(space, lines, own), decay, spacing)
+        *_, slopes = kernels_of(space.static.kernels)
+        out = np.zeros((*grid.log_psi.shape, KNOWN), np.float32)
         slopes(world, grid, decay, offset, out)
         for _ in range(2):
             extend(out)
-        return cls(lower, spacing, grid.log_psi, out)
+        return cls(grid.lower, spacing, grid.log_psi, out)
 
     def at(self, x: Array) -> float:
         """Return log psi [nats] at the closest point to x (3,) [m]."""

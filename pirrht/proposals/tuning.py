@@ -100,11 +100,12 @@ class ProposalTuning(NamedTuple):
     grid_spacings: float = 1.5  # and in spacings of the clearance
     grid_points: float = 3e5  # at most; more cost time
     grid_dearer: float = 100.0  # of k^2 where another class's reference is nearer, so that hardly anything goes there,
-    grid_apart: float = 0.1  # by this share of the distance between both, if an obstacle separates them
-    grid_apart_step: float = 0.1  # between places where that is checked [m]
+    grid_nearer: float = 0.9  # at no more than this share of the distance to the own one
+    grid_step: float = 0.1  # between places on references where obstacles may separate them [m]
+    grid_coarsest: int = 4000  # points of the first of several grids
     grid_clear: float = 0.3  # spacings of clearance below which a point's slope is that of its neighbours
     grid_sweeps: int = 200  # at most
-    grid_settled: float = 0.02  # greatest change of log psi after which a sweep is the last [nats]
+    grid_settled: float = 0.05  # greatest change of log psi after which a sweep is the last [nats]
     # Wall drift.
     wall_offset: float = 2.0  # of a wall without a tube, in decay lengths 1/k
     drift_near: float = 10.0  # reaches beyond which moving obstacles add no drift

@@ -29,6 +29,7 @@ from pirrht import (
     grown_tree,
 )
 from pirrht.arrays import Array
+from pirrht.steering.steering import Steering
 
 FOOTPRINTS = {"1 x 0.4": Footprint.rectangle(1.0, 0.4), "disc": Footprint.disc(0.2)}
 SPACINGS = (1.0, 0.5)  # of the exact solution, as shares of the default
@@ -48,6 +49,11 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     for noise, footprint in product(options.noises or NOISES, FOOTPRINTS):
         for seed in range(options.first_seed, options.first_seed + (options.scenes or ROOMS)):
             states += _room(seed, noise, footprint, options.states or STATES, options.plans or PLANS)
+    return table(states)
+
+
+def table(states: list[dict[str, Any]]) -> tuple[list[str], list[list[str]], object]:
+    """Header, table and JSON of records."""
     values = [{"noise": b, "room": name, **_summary(some)} for b, name, some in by_noise_and_scene(states)]
     return HEADER, [_text(row) for row in values], {"table": values, "states": states}
 
@@ -67,22 +73,31 @@ def room(seed: int, footprint: Footprint) -> Scene:
 
 
 def _room(seed: int, noise: float, name: str, count: int, plans: int) -> list[dict[str, Any]]:
-    """Records of states of a room; each plan begins a drive of its own."""
+    """Records of states of a room."""
     car = Unicycle(V=1.0, rho=RHO, b=noise)
     problem = Problem(scene=room(seed, FOOTPRINTS[name]), dynamics=car, R=np.eye(1), q=1.0)
+    of = {"scene": f"{name}, room{seed}", "noise": noise}
+    given = {"limit": 0.8, "spacings": SPACINGS, "sampling": Sampling(samples=SAMPLES)}
+    return [of | one for one in records(problem, Dubins.of(problem), seed, count, plans, **given)]
+
+
+def records(
+    problem: Problem, steering: Steering, seed: int, count: int, plans: int, *, limit: float, sampling: Sampling,
+    spacings: tuple[float, float],
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Records of states; each plan begins a drive of its own, the truth is of two `spacings`, shares of the default."""
     space = FreeSpace.of(problem.scene)
     began = time.perf_counter()
     spacing = Desirability.spacing_for(problem, space)
-    truths = [Desirability.of(problem, space, spacing=share * spacing) for share in SPACINGS]
+    truths = [Desirability.of(problem, space, spacing=share * spacing) for share in spacings]
     seconds = time.perf_counter() - began
-    tree = grown_tree(space, Dubins.of(problem), problem.scene.start, vertices=VERTICES, limit=0.8, seed=seed)
+    tree = grown_tree(space, steering, problem.scene.start, vertices=VERTICES, limit=limit, seed=seed)
     rng = np.random.default_rng([seed, 63])
-    low, high = np.append(problem.scene.lower, -np.pi), np.append(problem.scene.upper, np.pi)
-    drawn = (x for x in rng.uniform(low, high, (400 * count, 3)) if space.clearance(x) > MARGIN)
-    states = with_references(tree, (x for x in drawn if not problem.scene.goal.contains(x[:2])), count)
-    controller = Controller(problem, space, tree, Sampling(samples=SAMPLES), rng=np.random.default_rng(seed))
-    of = {"scene": f"{name}, room{seed}", "noise": noise, "seconds": seconds}
-    return [of | _record(truths, controller, x, plans) for x in states]
+    low, high = problem.dynamics.box(problem.scene)
+    drawn = (x for x in rng.uniform(low, high, (400 * count, problem.dynamics.n)) if space.clearance(x) > MARGIN)
+    states = (x for x in drawn if not problem.scene.goal.contains(problem.dynamics.place(x)))
+    controller = Controller(problem, space, tree, sampling, rng=np.random.default_rng(seed))
+    return [{"seconds": seconds} | _record(truths, controller, x, plans) for x in with_references(tree, states, count)]
 
 
 def _record(truths: list[Desirability], controller: Controller, x: Array, plans: int) -> dict[str, Any]:
