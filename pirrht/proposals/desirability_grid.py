@@ -52,10 +52,10 @@ def _arm(grid, i, j, k, axis, move):  # type: ignore[no-untyped-def]
     rim = grid.rim[i, j, k]
     if grid.rim[a, b, c] <= 0.0:
         share = rim / (rim - grid.rim[a, b, c])
-        return math.exp(min(-grid.log_psi[i, j, k], 50.0)), max(share, 0.1) * grid.spacing, True
+        return math.exp(min(-grid.log_psi[i, j, k], TUNING.grid_greatest)), max(share, 0.1) * grid.spacing, True
     if grid.gap[a, b, c] <= 0.0:
         return 0.0, max(gap / (gap - grid.gap[a, b, c]), 0.1) * grid.spacing, False
-    return math.exp(min(grid.log_psi[a, b, c] - grid.log_psi[i, j, k], 50.0)), grid.spacing, False
+    return math.exp(min(grid.log_psi[a, b, c] - grid.log_psi[i, j, k], TUNING.grid_greatest)), grid.spacing, False
 
 
 @kernel
@@ -111,7 +111,7 @@ def relax(share, weights, source, factor, backwards):  # type: ignore[no-untyped
 
 @kernel
 def refine(coarse, grid):  # type: ignore[no-untyped-def]
-    """Interpolate log psi of a grid of twice the spacing at free points of another one."""
+    """Take log psi of free points from a grid of twice the spacing: the greatest around, from which it falls fast."""
     nx, ny, nz = grid.log_psi.shape
     cx, cy, cz = coarse.log_psi.shape
     for i in range(nx):
@@ -119,15 +119,15 @@ def refine(coarse, grid):  # type: ignore[no-untyped-def]
             for k in range(nz):
                 if grid.gap[i, j, k] <= 0.0 or grid.rim[i, j, k] <= 0.0:
                     continue
-                total = 0.0
+                most = grid.log_psi[i, j, k] - TUNING.grid_lower
                 for a in range(2):
                     for b in range(2):
                         for c in range(2):
                             p = min((i + a) // 2, cx - 1)
                             q = min((j + b) // 2, cy - 1)
                             r = min((k + c) // 2, cz - 1)
-                            total += coarse.log_psi[p, q, r]
-                grid.log_psi[i, j, k] = total / 8.0
+                            most = max(most, coarse.log_psi[p, q, r])
+                grid.log_psi[i, j, k] = most
 
 
 @kernel
