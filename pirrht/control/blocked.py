@@ -75,9 +75,12 @@ class Brake:
             return
         spot = d.place(x) + d.place(d.f(x)) * s.within  # where it comes to rest if it brakes at once
         angles = 2.0 * np.pi * np.arange(s.directions) / s.directions
+        ways = np.column_stack([np.cos(angles), np.sin(angles)])
+        if len(spot) == 3:  # and up and down
+            ways = np.vstack([np.column_stack([ways, np.zeros(len(ways))]), np.eye(3)[-1:], -np.eye(3)[-1:]])
         for ring in s.rings:
-            for angle in angles if ring > 0.0 else angles[:1]:
-                yield partial(self._brake, spot + ring * np.array([np.cos(angle), np.sin(angle)]))
+            for way in ways if ring > 0.0 else ways[:1]:
+                yield partial(self._brake, spot + ring * way)
 
     def _brake(self, place: Array, x: Array, _: float) -> Array:
         return np.asarray(self.problem.dynamics.brake(x, place, self.settings.within))

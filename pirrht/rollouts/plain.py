@@ -360,7 +360,8 @@ class Path:
         if self.kind.traits.point and np.array_equal(cov, variance * np.eye(len(cov))):
             met = self.space.exit(self.world, here, self.outcome)
             if wall:
-                gap, n, v = self.near[0, 0], self.near[0, 1:3], self.near[0, 4:]
+                d = len(cov)
+                gap, n, v = self.near[0, 0], self.near[0, 1 : 1 + d], self.near[0, 4 : 4 + d]
                 met = (max(gap, 0.0) - share * self.dt * float((v - self.f) @ n), *(-n).tolist())
             radius = self.world.radius if self.outcome == GOAL else 0.0
             beyond = tuple((self.moved - self.x - drift).tolist())
