@@ -60,10 +60,13 @@ def _three(at, i):  # type: ignore[no-untyped-def]
 def _on(pose, rates, dt):  # type: ignore[no-untyped-def]
     """Move a pose (place, w, q) on at rates (velocity, turns) [1/s] for dt [s]."""
     (place, w, q), (v, turns) = pose, rates
+    place = _both(1.0, place, dt, v)
     half = 0.5 * dt * math.sqrt(_dot(turns, turns))
+    if half == 0.0:
+        return place, w, q
     c = math.cos(half)
-    p = _both(0.5 * dt * (math.sin(half) / half if half > 0.0 else 1.0), turns, 0.0, turns)
-    return _both(1.0, place, dt, v), c * w - _dot(p, q), _both(1.0, _both(c, q, w, p), 1.0, _cross(p, q))
+    p = _both(0.5 * dt * math.sin(half) / half, turns, 0.0, turns)
+    return place, c * w - _dot(p, q), _both(1.0, _both(c, q, w, p), 1.0, _cross(p, q))
 
 
 @inlined
