@@ -157,7 +157,7 @@ class Writer:
         arrows = rr.Arrows3D.columns(vectors=vectors).partition(lengths)
         self._transforms("/world/robot", every, self._robot.at(np.array(states)), arrows)
         self._movers(every)
-        if not self._subject.moves:
+        if not self._subject.in_time:
             return
         at = np.column_stack([self._adapter.above(np.array(states)), [time for _, time in every]])
         ends = [np.append(self._adapter.above(r.states[-1]), r.end) for r in rows]
