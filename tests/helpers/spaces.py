@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 
 Row = Sequence[float]
@@ -37,6 +38,12 @@ def in_space(
         goal=Goal(center=np.array(goal[:3], dtype=float), radius=goal[3]), start=np.array(start, dtype=float),
         robot_radius=radius, **more,
     )  # fmt: skip
+
+
+def flying(name: str, rows: Sequence[Row], *solids: Obstacle, repeat: bool = False) -> Mover:
+    """A body whose rows are t [s], x, y, z [m] and perhaps a quaternion, w first, of solids in its own frame."""
+    whole = np.array([[*row, 1.0, 0.0, 0.0, 0.0][:8] for row in rows], dtype=float)
+    return Mover(name=name, solids=solids, motion=Motion(rows=whole, repeat=repeat))
 
 
 def framed(name: str, x: float, width: Row, outer: Row, hole: Row) -> list[Obstacle]:
