@@ -1,6 +1,7 @@
 """Scenes in space: boxes and other solids, walls with holes, pillars, frames and bodies that float."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -99,3 +100,13 @@ def mixed(seed: int) -> Scene:
         hole = (y + 0.2, z + 0.2, y + 1.0, z + 1.0)
         found += framed("frame", x, (-0.1, 0.1), (y, z, y + 1.2, z + 1.2), hole)
     return in_space(found, upper=upper, start=(0.1, 0.1, 0.1), goal=(3.9, 2.9, 2.4, 0.1), radius=0.15)
+
+
+def guarded() -> Scene:
+    """The window with a ball that crosses before it, and a bar that tumbles down there a little later."""
+    ball, bar = solid("ball", Kind.SPHERE, (0.3, 0.0, 0.0), (0, 0, 0)), solid("bar", Kind.BOX, (0.1, 0.5, 0.1), (0, 0, 0))
+    movers = (
+        flying("ball", [(0.0, 2.4, 0.8, 1.0), (3.6, 2.4, 3.2, 1.0), (7.2, 2.4, 0.8, 1.0)], ball, repeat=True),
+        flying("bar", [(0.0, 2.0, 2.0, 2.6), (4.0, 2.0, 2.0, 0.4, 0.6, 0.8, 0.0, 0.0)], bar),
+    )
+    return replace(window(), movers=movers)
