@@ -32,7 +32,6 @@ class Kind(Enum):
     MESH = "mesh"
 
 
-AHEAD = 0.5  # by how much rows of a predicted motion in space turn at most [rad]
 _SIZES = {Kind.SPHERE: 1, Kind.CYLINDER: 2, Kind.CAPSULE: 2, Kind.BOX: 3, Kind.ELLIPSOID: 3, Kind.MESH: 0}  # used
 _UNIT = np.eye(3)
 
@@ -198,10 +197,11 @@ class Motion:
 
     def straight_on(self, time: float, horizon: float) -> "Motion":
         """Return the motion at the velocity of a time [s] from then on, up to the horizon [s], on a clock from then."""
-        pose, rates = np.array(self.pose_at(time)), self.velocity(time)
+        pose = np.array(self.pose_at(time))
+        rates = self.velocity(time)
         if not self.in_space:
             return Motion(rows=np.array([[0.0, *pose], [horizon, *(pose + horizon * rates)]]))
-        parts = 1 + int(horizon * np.linalg.norm(rates[3:]) / AHEAD)
+        parts = 1 + int(horizon * np.linalg.norm(rates[3:]))  # of a radian at most: rows turn the short way
         times = np.linspace(0.0, horizon, parts + 1)
         return Motion(rows=np.column_stack([times, _on(np.tile(pose, (parts + 1, 1)), rates, times)]))
 
@@ -230,7 +230,8 @@ def _rates(rows: Array) -> Array:
 
 def _times(one: Array, other: Array) -> Array:
     """Multiply quaternions (..., 4), w first."""
-    p, q = one[..., 1:], other[..., 1:]
+    p = one[..., 1:]
+    q = other[..., 1:]
     scalar = one[..., :1] * other[..., :1] - np.sum(p * q, axis=-1, keepdims=True)
     return np.concatenate([scalar, one[..., :1] * q + other[..., :1] * p + np.cross(p, q)], axis=-1)
 
@@ -247,7 +248,8 @@ def rotation_of(pose: Sequence[float]) -> Array:
     """Return the rotation (3, 3) of a pose: x, y and a yaw, or place and quaternion."""
     if len(pose) == 3:
         return about_vertical(pose[2])
-    q, (w, x, y, z) = np.array(pose[4:]), pose[3:]
+    w, x, y, z = pose[3:]
+    q = np.array([x, y, z])
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(2.0 * (np.outer(q, q) + w * across) + (w * w - q @ q) * _UNIT)
 

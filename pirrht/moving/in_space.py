@@ -74,12 +74,11 @@ def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
     """Return the pose of obstacle j at t [s], its rates, and until when these hold from then [s]."""
     low, high, end, now = row_of(moving, j, t, PIECE)
     at = moving.rows + 8 * PIECE * low
-    pose, rates = (_three(at, 1), load_float64(at, 4), _three(at, 5)), (_three(at, 8), _three(at, 11))
-    past, still = now - load_float64(at, 0), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    if past < 0.0:
-        return pose, still, t - past
-    if high == end:
-        return pose, still, math.inf
+    pose = _three(at, 1), load_float64(at, 4), _three(at, 5)
+    rates = _three(at, 8), _three(at, 11)
+    past = now - load_float64(at, 0)
+    if past < 0.0 or high == end:
+        return pose, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), t - past if past < 0.0 else math.inf
     return _on(pose, rates, past), rates, t + load_float64(at, PIECE) - now
 
 
@@ -104,7 +103,7 @@ def _nearest(moving, j, pose, place):  # type: ignore[no-untyped-def]
 
 @kernel
 def _wall(moving, j, pose, rates, place):  # type: ignore[no-untyped-def]
-    """Return clearance [m], direction away and velocity [m/s] of obstacle j's point nearest to a place [m]."""
+    """Return a row of walls: clearance [m], direction away and velocity [m/s] of obstacle j's point nearest to a place."""
     c, k = _nearest(moving, j, pose, place)
     at = moving.solid + 8 * SOLID * k
     away = (0.0, 0.0, 0.0)
@@ -113,7 +112,8 @@ def _wall(moving, j, pose, rates, place):  # type: ignore[no-untyped-def]
         off = offset_of(load_int64(moving.form, k), *_three(at, 0), *in_solid(moving, k, *seen))
         away = _turned(pose[1], pose[2], (_dot(_three(at, 6), off), _dot(_three(at, 9), off), _dot(_three(at, 12), off)))
     arm = _both(1.0, _both(1.0, place, -1.0, away), -1.0, pose[0])
-    return c, _both(1.0 / max(c + moving.robot, 1e-300), away, 0.0, away), _both(1.0, rates[0], 1.0, _cross(rates[1], arm))
+    away = _both(1.0 / max(c + moving.robot, 1e-300), away, 0.0, away)
+    return (c, *away, *_both(1.0, rates[0], 1.0, _cross(rates[1], arm)))
 
 
 @borrowing
@@ -122,10 +122,12 @@ def _march(moving, j, step, t, dt, stop, least):  # type: ignore[no-untyped-def]
 
     It is not where the clearance is below the first of `least` [m], and the march advances by the second.
     """
-    (a, b), (certain, stride), share, sure = step, least, 0.0, True
+    (a, b), (certain, stride) = step, least
+    share, sure = 0.0, True
     rate = max(_apart(a, b) + fastest_of(moving, j) * dt, MIN_VARIANCE)
     while True:
-        now, place = t + share * dt, _both(1.0 - share, a, share, b)
+        now = t + share * dt
+        place = _both(1.0 - share, a, share, b)
         pose, _, _ = piece_of(moving, j, now)
         c = _outside(moving, j, pose, place)
         if c <= rate * (stop - share) or c < certain:
@@ -187,11 +189,9 @@ def walls(moving, notes, place, t, within, out):  # type: ignore[no-untyped-def]
         if _outside(moving, j, pose, place) >= within:
             continue
         until = min(until, held)
-        c, n, v = _wall(moving, j, pose, rates, place)
-        if c < within:
-            out[count, 0] = c
-            for k in range(3):
-                out[count, 1 + k], out[count, 4 + k] = n[k], v[k]
+        wall = _wall(moving, j, pose, rates, place)
+        if wall[0] < within:
+            out[count, :] = wall
             count += 1
     return count, until
 
@@ -213,31 +213,27 @@ def _behind(moving, j, piece, way, dt, c, d, length):  # type: ignore[no-untyped
 def bridge(moving, notes, step, t, dt, cov, rule, state, out):  # type: ignore[no-untyped-def]
     """Find which obstacle a noisy step meets and when: `MovingKernels.bridge`."""
     (here, there), (most, weighed) = step, rule
-    length, alive, worst, way, which = _apart(here, there), 1.0, 2.0, (0.0, 0.0, 0.0), 0
+    length = _apart(here, there)
+    alive, worst, nearest = 1.0, 2.0, (0.0, 0.0, 0.0)
     for j in range(moving.J):
         pose, rates, _ = piece_of(moving, j, t)
         c = _outside(moving, j, pose, here)
         d = c - length - fastest_of(moving, j) * dt
         if d > 0.0 and 2.0 * c * d >= FAR * most:
             continue
-        c, n, _ = _wall(moving, j, pose, rates, here)
+        wall = _wall(moving, j, pose, rates, here)
+        c = wall[0]
         d, _ = _nearest(moving, j, _on(pose, rates, dt), there)
         seen = _apart(_both(1.0, here, dt, rates[0]), there) + dt * math.sqrt(_dot(rates[1], rates[1])) * disc_of(moving, j)
         if c > 0.0 and d > 0.0 and c + d <= seen:
             d = _behind(moving, j, (pose, rates), (here, there), dt, c, d, seen)
-        variance = variance_along(n, cov)
+        variance = variance_along(wall[1:4], cov)
         survives = survival(c, d, variance) if c > 0.0 else 0.0
         alive *= survives
         if survives < worst:
-            worst, way, which = survives, (c, d, variance), j
-    state, share, lasting = met(alive, way, weighed, state)
-    if share <= 1.0:
-        pose, rates, _ = piece_of(moving, which, t)
-        c, n, v = _wall(moving, which, pose, rates, here)
-        out[0, 0] = c
-        for k in range(3):
-            out[0, 1 + k], out[0, 4 + k] = n[k], v[k]
-    return state, share, lasting
+            worst, nearest = survives, (c, d, variance)
+            out[0, :] = wall
+    return met(alive, nearest, weighed, state)
 
 
 @kernel
@@ -284,7 +280,8 @@ class MovingSolids(Held, SolidNumbers):
 
     @classmethod
     def _around(cls, movers: Sequence[Mover], collision: MovingObstacles, robot: Footprint) -> "MovingSolids":
-        body, parts = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64)
+        body = np.zeros((len(movers), BODY))
+        parts = np.zeros((len(movers), PARTS), dtype=np.int64)
         row = solid = 0
         for j, mover in enumerate(movers):
             motion, far = mover.motion, radius_of(mover.solids, 3)

@@ -89,7 +89,7 @@ def classes(
     """Draw one `Trajectory` per class, side by side where they coincide, and a robot with corners along them."""
     per_point = float(np.ptp(axes.get_xlim())) / (72.0 * axes.get_window_extent().width / axes.figure.dpi)
     for place, (line, label, color) in enumerate(
-        zip(side_by_side([path.points for path in paths], TUNING.line * per_point), labels, colors, strict=True)
+        zip(side_by_side([path.points[:, :2] for path in paths], TUNING.line * per_point), labels, colors, strict=True)
     ):
         axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=TUNING.line, zorder=4.0 - 1e-3 * place)
     for path, color in zip(paths, colors, strict=True):

@@ -276,7 +276,8 @@ class FlyInTime(InTime):
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
         """Places in loops of obstacles (`InSpace.offers`) at many times (l, 4) [m, m, m, s], free then: the cheapest."""
-        begun, places = _origin(space.scene, origin), InSpace().offers(passages, space)
+        begun = _origin(space.scene, origin)
+        places = InSpace().offers(passages, space)
         after = np.divide.outer(np.linalg.norm(places - begun[:3], axis=1), self.pace * np.array(TUNING.passage_paces))
         times = begun[3] + after.reshape(-1, 1)
         return self._cheapest(np.hstack([np.repeat(places, after.shape[1], axis=0), times]), begun, space)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import backwards, entry_of_piece, turns_of, wrapped
-from pirrht.geometry.pieces import share_into_ball
+from pirrht.geometry.pieces import apart, share_into_ball
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.geometry.world import NOTHING_MOVES, Moving, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
@@ -333,21 +333,17 @@ LEGS_IN_SPACE = MotionKind(_kernels_in_space, _free, _trajectory)
 @inlined
 def cost_in_space(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
     """Cost of a leg in space; the time of its end may be open."""
-    dx, dy, dz = head[0] - tail[0], head[1] - tail[1], head[2] - tail[2]
-    return timed_cost(dx * dx + dy * dy + dz * dz, tail[3], head[3], numbers)[0]
+    return timed_cost(apart(tail, head) ** 2, tail[3], head[3], numbers)[0]
 
 
 @kernel
 def connect_in_space(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair of places and times in space by one leg; the numbers are those of `connect`."""
     k = tails.shape[0]
-    path, cost = np.empty((k, 8)), np.empty(k)
+    path = np.hstack((tails, heads))
+    cost = np.empty(k)
     for i in range(k):
-        square = 0.0
-        for c in range(4):
-            path[i, c], path[i, 4 + c] = tails[i, c], heads[i, c]
-            square += (heads[i, c] - tails[i, c]) ** 2 if c < 3 else 0.0
-        cost[i], dt = timed_cost(square, tails[i, 3], heads[i, 3], numbers)
+        cost[i], dt = timed_cost(apart(tails[i], heads[i]) ** 2, tails[i, 3], heads[i, 3], numbers)
         if math.isnan(heads[i, 3]):
             path[i, 7] = tails[i, 3] + dt
     return Legs(path, cost, tails, heads)

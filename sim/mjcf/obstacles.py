@@ -285,7 +285,8 @@ def read_movers(
     movers = []
     for name, given in motions.items():
         body = int(model.body(name).id)
-        place, quaternion = data.xpos[body], data.xquat[body]
+        place = data.xpos[body]
+        quaternion = data.xquat[body]
         if given.in_space and dimension == 2:
             raise SceneError(
                 f'body "{name}" moves in space, and the robot does not; write "{MOTION}{name}" in place of '
@@ -311,27 +312,21 @@ def read_movers(
 
 def _refuse_jump(name: str, motion: Motion, place: Array, quaternion: Array) -> None:
     """Refuse a first row that is not where its body stands."""
-    numeric, first = (POSES if motion.in_space else MOTION) + name, motion.rows[0, 1:]
+    kind, d, turn = (POSES, 3, "quat") if motion.in_space else (MOTION, 2, "yaw")
+    first = motion.rows[0, 1:]
+    now = [*place, *quaternion] if motion.in_space else [*place[:2], heading_of(quaternion)]
+    turned = remainder(first[-1] - now[-1], tau)
     if motion.in_space:
-        off = 2.0 * acos(min(abs(float(first[3:] @ quaternion)), 1.0))  # half angles
-        jumps, at, now = np.abs(first[:3] - place).max() > NEAR, first[:3], place
-        turns = [f'quat="{numbers_text(one)}"' for one in (quaternion, first[3:])]
-        begin, turned = f"{numbers_text(place)} {numbers_text(quaternion)}", turns[1]
-    else:
-        yaw = heading_of(quaternion)
-        off, at, now = abs(remainder(first[2] - yaw, tau)), first[:2], place[:2]
-        jumps, turns = np.abs(at - now).max() > NEAR, [f"yaw {one:.6g}" for one in (yaw, first[2])]
-        begin, turned = f"{numbers_text(now)} {yaw:.6g}", "turned so"
-    if jumps or off > TURNED:
-        where, row = (f"({', '.join(f'{v:g}' for v in one)})" for one in (now, at))
+        turned = 2.0 * acos(min(abs(float(first[3:] @ quaternion)), 1.0))
+    if np.abs(first - now)[:d].max() > NEAR or abs(turned) > TURNED:
+        there, at = (f"({', '.join(f'{v:g}' for v in pose[:d])}) with {turn} {as_text(pose[d:])}" for pose in (now, first))
         raise SceneError(
-            f'body "{name}" stands at {where} with {turns[0]}, and the first row of "{numeric}" is {row} with '
-            f"{turns[1]}, a jump at the start; let it stand there, "
-            f'pos="{numbers_text([*at, *place[len(at) :]])}" and {turned}, or begin with "0 {begin}"'
+            f'body "{name}" stands at {there}, and the first row of "{kind}{name}" is {at}, a jump at the start; let it '
+            f'stand there, pos="{as_text([*first[:d], *place[d:]])}" and turned so, or begin with "0 {as_text(now)}"'
         )
 
 
-def numbers_text(values: Iterable[float]) -> str:
+def as_text(values: Iterable[float]) -> str:
     """Numbers as an attribute has them."""
     return " ".join(f"{value:g}" for value in values)
 
@@ -373,7 +368,8 @@ class Mocap:
         """Place the bodies as they are at a time [s]."""
         poses = np.array([motion.pose_at(time) for motion in self._motions])
         if self._in_space:
-            data.mocap_pos[self._rows], data.mocap_quat[self._rows] = poses[:, :3], poses[:, 3:]
+            data.mocap_pos[self._rows] = poses[:, :3]
+            data.mocap_quat[self._rows] = poses[:, 3:]
             return
         data.mocap_quat[self._rows] = _turned(self._upright, poses[:, 2])
         poses[:, 2] = self._heights

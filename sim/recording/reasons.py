@@ -39,7 +39,8 @@ def touched(space: FreeSpace, names: Names, movers: Sequence[Mover], places: Arr
     gaps = [np.minimum(places - scene.lower, scene.upper - places).min(axis=1) + scene.robot_radius]
     gaps += [collision.obstacle_distance(k, places) for k in range(len(names))]
     for mover in movers:
-        poses, d = mover.motion.pose(times), places.shape[1]
+        poses = mover.motion.pose(times)
+        d = places.shape[1]
         turns = np.array([rotation_of(pose)[:d, :d] for pose in poses]).reshape(-1, d, d)
         own = np.einsum("kij,ki->kj", turns, places - poses[:, :d])
         gap = np.empty(len(places))

@@ -104,7 +104,8 @@ def mixed(seed: int) -> Scene:
 
 def guarded() -> Scene:
     """The window with a ball that crosses before it, and a bar that tumbles down there a little later."""
-    ball, bar = solid("ball", Kind.SPHERE, (0.3, 0.0, 0.0), (0, 0, 0)), solid("bar", Kind.BOX, (0.1, 0.5, 0.1), (0, 0, 0))
+    ball = solid("ball", Kind.SPHERE, (0.3, 0.0, 0.0), (0, 0, 0))
+    bar = solid("bar", Kind.BOX, (0.1, 0.5, 0.1), (0, 0, 0))
     movers = (
         flying("ball", [(0.0, 2.4, 0.8, 1.0), (3.6, 2.4, 3.2, 1.0), (7.2, 2.4, 0.8, 1.0)], ball, repeat=True),
         flying("bar", [(0.0, 2.0, 2.0, 2.6), (4.0, 2.0, 2.0, 0.4, 0.6, 0.8, 0.0, 0.0)], bar),
