@@ -110,7 +110,9 @@ def _wall(moving, j, pose, rates, place):  # type: ignore[no-untyped-def]
     if c + moving.robot > 0.0:
         seen = _turned(-pose[1], pose[2], _both(1.0, place, -1.0, pose[0]))
         off = offset_of(load_int64(moving.form, k), *_three(at, 0), *in_solid(moving, k, *seen))
-        away = _turned(pose[1], pose[2], (_dot(_three(at, 6), off), _dot(_three(at, 9), off), _dot(_three(at, 12), off)))
+        away = _turned(
+            pose[1], pose[2], (_dot(_three(at, 6), off), _dot(_three(at, 9), off), _dot(_three(at, 12), off))
+        )
     arm = _both(1.0, _both(1.0, place, -1.0, away), -1.0, pose[0])
     away = _both(1.0 / max(c + moving.robot, 1e-300), away, 0.0, away)
     return (c, *away, *_both(1.0, rates[0], 1.0, _cross(rates[1], arm)))
@@ -224,7 +226,9 @@ def bridge(moving, notes, step, t, dt, cov, rule, state, out):  # type: ignore[n
         wall = _wall(moving, j, pose, rates, here)
         c = wall[0]
         d, _ = _nearest(moving, j, _on(pose, rates, dt), there)
-        seen = _apart(_both(1.0, here, dt, rates[0]), there) + dt * math.sqrt(_dot(rates[1], rates[1])) * disc_of(moving, j)
+        seen = _apart(_both(1.0, here, dt, rates[0]), there) + dt * math.sqrt(_dot(rates[1], rates[1])) * disc_of(
+            moving, j
+        )
         if c > 0.0 and d > 0.0 and c + d <= seen:
             d = _behind(moving, j, (pose, rates), (here, there), dt, c, d, seen)
         variance = variance_along(wall[1:4], cov)

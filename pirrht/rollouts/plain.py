@@ -247,7 +247,9 @@ class Path:
         if s < led:
             return np.asarray(np.clip(law.mean[s] + away[s] @ law.gains[s], -law.steepest[s], law.steepest[s]))
         home, goal = np.zeros(self.kind.modes), (self.world.goal, self.world.radius)
-        self.kind.homing(self.x, self.d.parameters, self.d.B_c(self.x), *goal, self.setup.least_rate, home[: self.kind.m])
+        self.kind.homing(
+            self.x, self.d.parameters, self.d.B_c(self.x), *goal, self.setup.least_rate, home[: self.kind.m]
+        )
         return home
 
     def shaped(self, g: int) -> bool:

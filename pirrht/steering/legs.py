@@ -312,7 +312,11 @@ def _judges_in_space(space: SpaceKernels, moving: MovingKernels | None, classes:
     def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
         a, s, b, t = _ends_in_space(motions, i)
         verdict = certify_piece(around.static, a, b, True)
-        return min(verdict, certify_among(around.traffic, (*a, s, *b, t), 0.0)) if among and verdict != BLOCKED else verdict
+        return (
+            min(verdict, certify_among(around.traffic, (*a, s, *b, t), 0.0))
+            if among and verdict != BLOCKED
+            else verdict
+        )
 
     @kernel
     def pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]

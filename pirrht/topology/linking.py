@@ -197,5 +197,5 @@ class Linking(Signature):
         return replace(self, goal=goal)
 
     def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> "Linking":
-        """Signature about the same polygons: no path winds about what moves in space (`moving.in_space`)."""
+        """Signature about the same polygons: no path winds about moving obstacles in space (`moving.in_space`)."""
         return self

@@ -227,7 +227,9 @@ def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
 
 def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, Any]]:
     """What a scene is about, the robot that it is meant for, and its defaults of options by their names."""
-    texts, numerics = ({e.name: e for e in es if not e.name.startswith((MOTION, POSES))} for es in (spec.texts, spec.numerics))
+    texts, numerics = (
+        {e.name: e for e in es if not e.name.startswith((MOTION, POSES))} for es in (spec.texts, spec.numerics)
+    )
     options = {"pirrht_" + name.replace("-", "_"): name for name in (*NUMERICS, "footprint")}
     for kind, elements, known in (("text", texts, ("pirrht_robot", ABOUT)), ("numeric", numerics, options)):
         for name in elements:

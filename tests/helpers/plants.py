@@ -37,7 +37,9 @@ def body(name: str, geom: str, pos: str = "0 0 0.1", *, more: str = "") -> str:
     return f'<body name="{name}" mocap="true" pos="{pos}" {more}><geom name="{name}" {geom}/></body>'
 
 
-def flown_over(folder: Path, geom: str, poses: str, *, repeat: bool = False, start: str = "0 0 0", more: str = "") -> Path:
+def flown_over(
+    folder: Path, geom: str, poses: str, *, repeat: bool = False, start: str = "0 0 0", more: str = ""
+) -> Path:
     """A scene in space with body "b" of one geom on rows of poses, in which it stands at the first."""
     row = poses.split()[:8]
     pose = f'pos="{" ".join(row[1:4])}" quat="{" ".join(row[4:])}"'

@@ -45,7 +45,9 @@ def test_rows_in_space_without_a_turn_or_of_another_length_are_refused(rows, wor
 
 
 def test_bodies_in_the_plane_do_not_move_in_space_nor_do_meshes():
-    flat = Mover(name="flat", solids=(solid("s", Kind.SPHERE, (0.2, 0, 0), (0, 0, 1)),), motion=Motion(rows=np.zeros((1, 4))))
+    flat = Mover(
+        name="flat", solids=(solid("s", Kind.SPHERE, (0.2, 0, 0), (0, 0, 1)),), motion=Motion(rows=np.zeros((1, 4)))
+    )
     with pytest.raises(SceneError, match="rows of the motion of flat must be t, x, y, z and a quaternion"):
         in_space(movers=(flat,))
     mesh = flying("gem", [(0.0, 2.0, 2.0, 1.0)], solid("gem", Kind.MESH, (0.2, 0.2, 0.2), (0, 0, 0)))
@@ -90,7 +92,9 @@ def test_clearances_are_fcls_and_walls_are_their_slopes_in_space_and_time():
                 continue
             wall, h = walls[np.argmin(walls[:, 0])], 1e-6
             steps = np.eye(3) * h
-            slope = [(bodies.clearance(tuple(place + s), t) - bodies.clearance(tuple(place - s), t)) / (2 * h) for s in steps]
+            slope = [
+                (bodies.clearance(tuple(place + s), t) - bodies.clearance(tuple(place - s), t)) / (2 * h) for s in steps
+            ]
             later = (bodies.clearance(tuple(place), t + h) - c) / h
             if np.allclose(slope, wall[1:4], atol=1e-3):  # away from edges, where two solids are as near
                 seen += 1
@@ -137,13 +141,17 @@ def survival(bodies: MovingSolids, a: np.ndarray, b: np.ndarray, dt: float, devi
 def test_a_noisy_step_misses_a_moving_wall_exactly_and_a_ball_but_for_its_curvature():
     """A ball of radius R counts as a flat wall: with noise of R/20 that is right within 0.03, by 4000 fine bridges."""
     dt, speed = 0.1, 1.5
-    wall = flying("wall", [(0.0, 2.0, 2.0, 2.0), (1.0, 2.0 - speed, 2.0, 2.0)], solid("w", Kind.BOX, (0.1, 9, 9), (0, 0, 0)))
+    wall = flying(
+        "wall", [(0.0, 2.0, 2.0, 2.0), (1.0, 2.0 - speed, 2.0, 2.0)], solid("w", Kind.BOX, (0.1, 9, 9), (0, 0, 0))
+    )
     bodies = MovingSolids.of(in_space(movers=(wall,), radius=ROBOT))
     a, b = np.array([1.6, 1.0, 1.0]), np.array([1.5, 1.1, 0.9])
     c, d = (x - 0.1 - ROBOT for x in (2.0 - a[0], 2.0 - speed * dt - b[0]))
     assert survival(bodies, a, b, dt, 0.05) == pytest.approx(1.0 - np.exp(-2.0 * c * d / 0.05**2), rel=1e-9)
     rng, R, n = np.random.default_rng(3), 0.4 + ROBOT, 400
-    ball = flying("ball", [(0.0, 0.0, 2.0, 2.0), (1.0, speed, 2.0, 2.0)], solid("b", Kind.SPHERE, (0.4, 0, 0), (0, 0, 0)))
+    ball = flying(
+        "ball", [(0.0, 0.0, 2.0, 2.0), (1.0, speed, 2.0, 2.0)], solid("b", Kind.SPHERE, (0.4, 0, 0), (0, 0, 0))
+    )
     bodies = MovingSolids.of(in_space(movers=(ball,), radius=ROBOT))
     deviation, shares = R / 20.0, np.arange(n + 1) / n
     for _ in range(6):
