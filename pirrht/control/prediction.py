@@ -102,5 +102,5 @@ def favourite_path(plan: Plan) -> Array | None:
     if chosen is None:
         return None
     path, times = chosen.trajectory.path, plan.time + np.append(0.0, np.cumsum(chosen.trajectory.durations))
-    d = plan.space.scene.dimension
+    d = chosen.trajectory.points.shape[1]
     return np.column_stack([np.vstack([path.tails[:, :d], path.heads[-1:, :d]]), times])

@@ -141,7 +141,7 @@ class Motion:
     @property
     def in_space(self) -> bool:
         """Tell whether its poses are in space, with a quaternion."""
-        return self.rows.shape[1] == 8
+        return bool(self.rows.shape[1] == 8)
 
     @property
     def last(self) -> float:
@@ -185,7 +185,7 @@ class Motion:
         if self.repeat and t > period:
             t = math.fmod(t, period) or period
         i = max(int(np.searchsorted(self.rows[:, 0], t, side="left")), 1)
-        return self.rates[i - 1]
+        return np.asarray(self.rates[i - 1])
 
     def __repr__(self) -> str:
         again = ", over and over" if self.repeat else ""

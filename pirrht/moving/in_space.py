@@ -103,7 +103,7 @@ def _nearest(moving, j, pose, place):  # type: ignore[no-untyped-def]
 
 @kernel
 def _wall(moving, j, pose, rates, place):  # type: ignore[no-untyped-def]
-    """Return a row of walls: clearance [m], direction away and velocity [m/s] of obstacle j's point nearest to a place."""
+    """Return a row of walls for a place [m]: clearance [m], direction away and velocity [m/s] of obstacle j there."""
     c, k = _nearest(moving, j, pose, place)
     at = moving.solid + 8 * SOLID * k
     away = (0.0, 0.0, 0.0)
@@ -148,7 +148,7 @@ def _march(moving, j, step, t, dt, stop, least):  # type: ignore[no-untyped-def]
 
 @kernel
 def certify(moving, leg, heading):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a straight step (ax, ay, az, s, bx, by, bz, t) from a [m] at s [s] to b at t."""
+    """Return FREE, BLOCKED or UNSURE for a straight step (ax, ay, az, s, bx, by, bz, t), from a at s [s] to b at t."""
     ax, ay, az, s, bx, by, bz, t = leg
     verdict = FREE
     for j in range(moving.J):

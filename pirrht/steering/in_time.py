@@ -21,7 +21,14 @@ from pirrht.problem import Problem
 from pirrht.steering import relaxation
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.legs import (
-    LEGS, LEGS_IN_SPACE, connect, connect_in_space, connect_turning, cost_and_duration, cost_in_space, turned_legs,
+    LEGS,
+    LEGS_IN_SPACE,
+    connect,
+    connect_in_space,
+    connect_turning,
+    cost_and_duration,
+    cost_in_space,
+    turned_legs,
     turning_cost,
 )  # fmt: skip
 from pirrht.steering.motion import Legs
@@ -178,7 +185,7 @@ class InTime(CompiledSteering):
         return states
 
     def _through(self, places: Array, begun: Array, scene: Scene) -> Array:
-        """Cost at least of a path from (d + 1,) through places at times (..., d + 1) [m, s] to the goal point, (...,)."""
+        """Cost at least of a path from (d + 1,) through places and times (..., d + 1) [m, s] to the goal, (...,)."""
         d = self.d
         since = np.maximum(places[..., d] - begun[d], 1e-9)
         away, ahead = (np.hypot.reduce(places[..., :d] - end, axis=-1) for end in (begun[:d], scene.goal.center))
@@ -275,7 +282,7 @@ class FlyInTime(InTime):
         return in_ball(radius, chances)
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
-        """Places in loops of obstacles (`InSpace.offers`) at many times (l, 4) [m, m, m, s], free then: the cheapest."""
+        """Places in loops of obstacles (`InSpace.offers`) at many times (l, 4) [m, s], free then: the cheapest."""
         begun = _origin(space.scene, origin)
         places = InSpace().offers(passages, space)
         after = np.divide.outer(np.linalg.norm(places - begun[:3], axis=1), self.pace * np.array(TUNING.passage_paces))

@@ -31,7 +31,10 @@ class Legs(NamedTuple):
     tails: Array  # (k, n) first states, place [m], t [s]
     heads: Array  # (k, n) last states; an open time is not a number
 
-    d = property(lambda self: self.path.shape[1] // 2 - 1, doc="Numbers of a place.")
+    @property
+    def d(self) -> int:
+        """Count the numbers of a place."""
+        return int(self.path.shape[1] // 2 - 1)
 
     @property
     def knots(self) -> Array:

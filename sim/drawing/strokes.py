@@ -44,7 +44,7 @@ def knots_of(reference: Reference) -> Array | None:
 
 
 def timed(reference: Reference, now: float) -> Array:
-    """The path of a reference of a plan made at a time [s], (k, d + 1) [m, s]; without times of its own at even pace."""
+    """The path of a reference of a plan made at a time [s], (k, d + 1) [m, s]; without own times at even pace."""
     if (knots := knots_of(reference)) is not None:
         return np.column_stack([knots[:, :-1], knots[:, -1] - knots[0, -1] + now])
     line, along = reference.trajectory.points, lengths(reference.trajectory.points)

@@ -323,8 +323,8 @@ def _refuse_jump(name: str, motion: Motion, place: Array, quaternion: Array) -> 
             f"({', '.join(f'{v:g}' for v in pose[:d])}) with {turn} {as_text(pose[d:])}" for pose in (now, first)
         )
         raise SceneError(
-            f'body "{name}" stands at {there}, and the first row of "{kind}{name}" is {at}, a jump at the start; let it '
-            f'stand there, pos="{as_text([*first[:d], *place[d:]])}" and turned so, or begin with "0 {as_text(now)}"'
+            f'body "{name}" stands at {there}, and the first row of "{kind}{name}" is {at}, a jump at the start; let '
+            f'it stand there, pos="{as_text([*first[:d], *place[d:]])}" and turned so, or begin with "0 {as_text(now)}"'
         )
 
 

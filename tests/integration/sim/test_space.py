@@ -91,7 +91,8 @@ def test_a_robot_in_space_passes_two_balls_and_the_recording_shows_where_they_ar
     tree = scenario.grown_tree()
     driver = scenario.driver(tree)
     file = tmp_path / "balls.rrd"
-    sinks, settings = Sinks(file=file), {"scene": "sentries", "seed": 1, "method": "pi-rrht"}
+    sinks = Sinks(file=file)
+    settings = {"scene": "sentries", "seed": 1, "method": "pi-rrht"}
     recorder = Recorder(scenario.loaded, tree, driver.path_integral, sinks, Look(), settings=settings)
     frames = logged(recorder, scenario.drive(scenario.plant(), driver))
     run = frames[-1].metrics

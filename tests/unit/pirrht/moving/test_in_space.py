@@ -18,7 +18,8 @@ ROBOT = 0.2
 
 def test_a_motion_in_space_turns_evenly_the_short_way_and_is_predicted_to_go_on_so():
     rng = np.random.default_rng(0)
-    times, places = np.array([0.0, 1.0, 1.5, 3.0, 4.0]), rng.normal(size=(5, 3))
+    times = np.array([0.0, 1.0, 1.5, 3.0, 4.0])
+    places = rng.normal(size=(5, 3))
     turns = Rotation.random(5, rng=rng)
     quaternions = turns.as_quat(scalar_first=True) * [[2.0], [-1.0], [1.0], [-3.0], [1.0]]
     motion = Motion(rows=np.column_stack([times, places, quaternions]), repeat=True)
@@ -82,7 +83,8 @@ def test_clearances_are_fcls_and_walls_are_their_slopes_in_space_and_time():
     for _ in range(30):
         bodies = random_bodies(rng, 2)
         for _ in range(10):
-            place, t = rng.uniform(0.0, 4.0, 3), rng.uniform(-1.0, 8.0)
+            place = rng.uniform(0.0, 4.0, 3)
+            t = rng.uniform(-1.0, 8.0)
             c = bodies.clearance(tuple(place), t)
             exact = bodies.distance(place, t)
             assert max(c, 0.0) == pytest.approx(max(exact, 0.0), abs=1e-9)
@@ -131,7 +133,8 @@ def test_no_certificate_or_sweep_says_free_where_fine_steps_touch_and_none_is_wr
 def survival(bodies: MovingSolids, a: np.ndarray, b: np.ndarray, dt: float, deviation: float) -> float:
     """The probability that a step misses all, as samples take it."""
     cov = (deviation**2, 0.0, 0.0, deviation**2, 0.0, deviation**2)
-    out, state = np.empty((bodies.J, 7)), np.uint64(1)
+    out = np.empty((bodies.J, 7))
+    state = np.uint64(1)
     step = (tuple(a.tolist()), tuple(b.tolist()))
     _, share, log = bodies.kernels.bridge(bodies, 0, step, 0.0, dt, cov, (deviation**2, True), state, out)
     return float(np.exp(log)) if share > 1.0 else 0.0
@@ -145,15 +148,19 @@ def test_a_noisy_step_misses_a_moving_wall_exactly_and_a_ball_but_for_its_curvat
         "wall", [(0.0, 2.0, 2.0, 2.0), (1.0, 2.0 - speed, 2.0, 2.0)], solid("w", Kind.BOX, (0.1, 9, 9), (0, 0, 0))
     )
     bodies = MovingSolids.of(in_space(movers=(wall,), radius=ROBOT))
-    a, b = np.array([1.6, 1.0, 1.0]), np.array([1.5, 1.1, 0.9])
+    a = np.array([1.6, 1.0, 1.0])
+    b = np.array([1.5, 1.1, 0.9])
     c, d = (x - 0.1 - ROBOT for x in (2.0 - a[0], 2.0 - speed * dt - b[0]))
     assert survival(bodies, a, b, dt, 0.05) == pytest.approx(1.0 - np.exp(-2.0 * c * d / 0.05**2), rel=1e-9)
-    rng, R, n = np.random.default_rng(3), 0.4 + ROBOT, 400
+    rng = np.random.default_rng(3)
+    R = 0.4 + ROBOT
+    n = 400
     ball = flying(
         "ball", [(0.0, 0.0, 2.0, 2.0), (1.0, speed, 2.0, 2.0)], solid("b", Kind.SPHERE, (0.4, 0, 0), (0, 0, 0))
     )
     bodies = MovingSolids.of(in_space(movers=(ball,), radius=ROBOT))
-    deviation, shares = R / 20.0, np.arange(n + 1) / n
+    deviation = R / 20.0
+    shares = np.arange(n + 1) / n
     for _ in range(6):
         way = rng.normal(size=3)
         a = np.array([0.0, 2.0, 2.0]) + (R + deviation * rng.uniform(0.3, 1.5)) * way / np.linalg.norm(way)
@@ -173,7 +180,7 @@ def test_the_solids_of_a_body_are_where_its_pose_puts_them():
     rows = [(0.0, 1.0, 2.0, 1.5, *turn.as_quat(scalar_first=True))]
     [there] = flying("b", rows, box).at(0.0)
     np.testing.assert_allclose(there.rotation, turn.as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(there.position, turn.apply(box.position) + [1.0, 2.0, 1.5], atol=1e-12)
+    np.testing.assert_allclose(there.position, turn.apply(box.position) + np.array([1.0, 2.0, 1.5]), atol=1e-12)
     far = np.full(3, np.inf)
     alone = Collision(Workspace(-far, far, (there,)), in_space().footprint)
     scene = in_space(movers=(flying("b", rows, box),))

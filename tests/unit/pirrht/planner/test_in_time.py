@@ -56,7 +56,8 @@ def test_references_in_space_are_free_of_what_moves_and_wait_or_hurry_for_it():
     start = tree.at(space.scene.start, 0.0)
     crowd = MovingObstacles(space.scene.movers, space.scene.footprint)
     assert crowd.meets(start[:3], 0.0, space.scene.goal.center, 4.4)
-    plain, short = tree.references(start, shortened=False), tree.references(start)
+    plain = tree.references(start, shortened=False)
+    short = tree.references(start)
     assert {one.id for one in short} == {one.id for one in plain} == {"0", "-1"}
     for one in (*plain, *short):
         path, knots = one.path.path, one.path.knots

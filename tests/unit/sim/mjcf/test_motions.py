@@ -124,7 +124,8 @@ def test_rows_of_poses_move_a_body_in_space_and_a_motion_about_the_vertical_beco
     np.testing.assert_allclose(mover.motion.rows[0], [0, 2, 1, 3, 0.6, 0, 0.8, 0])
     world = body("b", box, "2 0 0.1", more='euler="0 0 40"')
     [standing] = load(moving_scene(tmp_path, world, "")).scene.obstacles
-    file, yaw = moving_scene(tmp_path, world, rows("b", f"0 2 0 {np.radians(40)}  1 4 0 6")), np.radians(40)
+    file = moving_scene(tmp_path, world, rows("b", f"0 2 0 {np.radians(40)}  1 4 0 6"))
+    yaw = np.radians(40)
     file.write_text(file.read_text().replace('type="cylinder" pos="45', 'type="sphere" pos="45'))
     [mover] = load(file, robot="ball").scene.movers
     [there] = mover.at(0.0)
