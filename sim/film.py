@@ -128,7 +128,7 @@ class Film:
         self._joints = self._states.joints(loaded.model)
         self._mocap = Mocap(loaded.model, self._scene.movers) if self._scene.movers else None
         self._colors = ClassColors()
-        self._path: list[Array] = []  # rows of a time [s] and a state
+        self._path: list[Array] = []  # rows of a time [s], a state, and perhaps an attitude
         self._plans: list[tuple[float, Plan, dict[str, Fan], dict[str, str]]] = []  # with their times [s]
         self._drawn, self._samples = -np.inf, dict[str, Fan]()  # what was drawn last, and when [s]
         self._words = dict[str, str]()  # of ways in space, by class
@@ -138,9 +138,9 @@ class Film:
         """Take a control step in, and what drew the samples of its plan; without it none are shown."""
         plan, states = frame.plan, frame.advance.states
         if not self._plans:
-            self._path.append(np.append(0.0, plan.state)[None])
+            self._path.append(np.hstack([0.0, plan.state, frame.advance.attitudes[0]])[None])
         times = frame.time + frame.advance.time * np.arange(1, len(states) + 1) / max(1, len(states))
-        self._path.append(np.column_stack([times, states]))
+        self._path.append(np.column_stack([times, states, frame.advance.attitudes]))
         if frame.time >= self._drawn + FRESH - 1e-9:
             self._drawn, self._samples = frame.time, {}
             if path_integral is not None and plan.estimate is not None:
@@ -227,7 +227,7 @@ class Film:
         return self._draw([(f"{now:.1f} s", INK), *rows])
 
     def _pose(self, state: Array, time: float) -> None:
-        """Place all bodies as they are in a state at a time [s]; what was drawn before is gone."""
+        """Place all bodies as in a state, perhaps with an attitude, at a time [s]; what was drawn before is gone."""
         self._joints.place(self._data, state, np.zeros(2), np.zeros(self._model.nu))
         if self._mocap is not None:
             self._mocap.place(self._data, time)

@@ -27,15 +27,6 @@ DAILY = {  # options that `--help` of a command with a scene lists
 }  # fmt: skip
 *_, RUN, GRID, RECORDING, FILES = GROUPS
 PLANE = ADAPTERS[0]
-IMPORTED: dict[str, dict[str, Any]] = {  # numbers of imported scenes, which are those of robots on the ground
-    "start": {"text": " ".join(PLANE.start_form)},
-    "goal": {"text": "disc of the goal", "metavar": PLANE.goal_form, "count": len(PLANE.goal_form)},
-    "workspace": {
-        "text": "border of the robot's centre",
-        "metavar": PLANE.workspace_form,
-        "count": len(PLANE.workspace_form),
-    },
-}
 
 
 def obstacles(text: str) -> list[int]:
@@ -100,17 +91,18 @@ COMMAND_OPTIONS = (
     _file("report", "output", "folder of report.md and report.html", "FOLDER", short="o", unset="DIR"),
     _file("export", "recording", "made by `pirrht run --record`, complete or not", "FILE.rrd", positional=True),
     _output("export", "output", "the table to write, .parquet or .npz", "TABLE", short="o", required=True),
-    _file("import", "world", "a Gazebo world or SDF file, the .yaml of a map, motions (.json), or a mesh", "WORLD",
-          positional=True),
+    _file("import", "world", "a Gazebo world or SDF file, the .yaml of a map, motions (.json), a mesh, or voxels "
+          "(.npy, .npz, .bt)", "WORLD", positional=True),
     _output("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
     _flag("import", "motion", "WORLD is a file of motions (DynaBARN)"),
-    _flag("import", "decompose", "WORLD is a mesh in metres, z up: write its convex parts (extra `decompose`)"),
+    _flag("import", "decompose", "WORLD is a mesh (not needed)"),
+    _one("import", "cell", "side of a voxel", "M", kind=float, bounds=(1e-6, 1e6)),
     _one("import", "world", "number of the world in a file of motions", "NUMBER", attribute="number",
          unset="its only one"),
-    *(replace(BY_SCENE[name], commands=("import",), role="command", group="", bounds=PLACES, unset="", **more)
-      for name, more in IMPORTED.items()),
-    _one("import", "models", "folders of models of a Gazebo world, in addition to GZ_SIM_RESOURCE_PATH, "
-         "GAZEBO_MODEL_PATH and folders around WORLD", "DIR", kind=Path, count="+"),
+    *(replace(BY_SCENE[name], commands=("import",), role="command", group="", bounds=PLACES, unset="")
+      for name in ("start", "goal", "workspace")),
+    _one("import", "models", "folders of a Gazebo world's models, before GZ_SIM_RESOURCE_PATH, "
+         "GAZEBO_MODEL_PATH and those around WORLD", "DIR", kind=Path, count="+"),
     _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
     _one("import", "unknown", "unknown cells of a map are walls (occupied) or not (free)", "RULE", unset="occupied"),
 )  # fmt: skip

@@ -4,7 +4,12 @@ Rectangles may overlap: a cross takes two of them, and three or more that do not
 (Culberson and Reckhow 1994). Candidates are the maximal runs of each row and each column, stretched sideways as far as
 they stay occupied. Taken are, largest first, those that cover a cell which no earlier one covers, then of these,
 smallest first, those that cover a cell which no later one covers; whatever others cover in the end is left out.
+
+Boxes in space do not overlap. They are runs along an axis, joined to slabs and these to boxes where their ends agree.
 """
+
+from collections.abc import Sequence
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +29,29 @@ def cover(occupied: Cells) -> Rectangles:
     for _ in range(2):  # largest first, then smallest first
         found = found[_taken(found, *occupied.shape)][::-1]
     return _needed(found[::-1], occupied.shape)[::-1]
+
+
+def blocks(occupied: Cells) -> Rectangles:
+    """Return boxes (k, 6) that cover the occupied of voxels (nx, ny, nz) once: first of each axis, then after the last.
+
+    Of the orders in which axes can be joined, that with the fewest boxes counts.
+    """
+    return min((_joined(occupied, axes) for axes in permutations(range(3))), key=len)
+
+
+def _joined(occupied: Cells, axes: Sequence[int]) -> Rectangles:
+    """Return boxes of runs along the last of the axes, joined along the second and then along the first."""
+    step = np.diff(np.pad(occupied.transpose(axes), ((0, 0), (0, 0), (1, 1))).view(np.int8), axis=2)
+    found = np.hstack([np.argwhere(step > 0), np.argwhere(step < 0) + np.array([1, 1, 0])])
+    for axis in (1, 0):
+        others = [column for column in range(6) if column % 3 != axis]
+        found = found[np.lexsort(found[:, [axis, *others]].T)]
+        apart = np.any(found[1:, others] != found[:-1, others], axis=1) | (found[1:, axis] != found[:-1, axis + 3])
+        ends = found[np.append(apart, True)[: len(found)], axis + 3]
+        found = found[np.append(True, apart)[: len(found)]]
+        found[:, axis + 3] = ends
+    order = np.argsort(axes)
+    return found[:, [*order, *(order + 3)]]
 
 
 def union(rectangles: Rectangles, shape: tuple[int, ...]) -> NDArray[np.int32]:

@@ -264,41 +264,46 @@ class Scene:
             task: `from_boxes`'s. SceneError: it is no such grid, or a number is missing or cannot be.
         """
         corner = numbers(origin, (2,), "the origin", "x, y [m]")
-        try:
-            grid = np.asarray(occupied)
-        except ValueError:  # rows of several lengths
-            grid = np.array(None)
-        if grid.ndim != 2 or grid.size == 0 or grid.dtype != np.bool_ or np.ma.is_masked(occupied):
-            masked = " with masked cells" if np.ma.is_masked(occupied) else ""
-            raise SceneError(
-                f"the grid is of {grid.dtype} and shape {grid.shape}{masked}; it must hold booleans (rows, columns), "
-                "such as `grid > 50` makes them"
-            )
-        if grid.size > TUNING.grid_cells:
-            coarser = int(np.ceil(np.sqrt(grid.size / TUNING.grid_cells)))
-            raise SceneError(
-                f"the grid has {grid.shape[0]} x {grid.shape[1]} cells, and at most {TUNING.grid_cells:,} are taken; "
-                f"cut out a part, or join {coarser} x {coarser} cells to one that is occupied if one of them is"
-            )
+        grid = solids.occupancy(occupied, ("rows", "columns"))
         side = number(resolution, "the resolution", "the side of a cell, a positive number [m]")
         return cls._of(
             solids.cells(grid, side, corner, _height(task)), corner, corner + side * np.array(grid.shape[::-1]), **task
         )
 
     @classmethod
+    def from_voxels(
+        cls, occupied: ArrayLike, size: float, *, origin: ArrayLike = (0.0, 0.0, 0.0), **task: Unpack[SceneTask]
+    ) -> "Scene":
+        """Make a scene in space of a grid of occupied voxels, which few boxes cover exactly; its border is the grid's.
+
+        Args:
+            occupied: which voxels are, booleans (nx, ny, nz).
+            size: side of a voxel [m].
+            origin: least corner of the grid, (3,) [m].
+            task: `from_boxes`'s, with `start` x, y, z and `goal` x, y, z, radius. SceneError as of `from_grid`.
+        """
+        corner = numbers(origin, (3,), "the origin", AXES[3])
+        grid = solids.occupancy(occupied, ("nx", "ny", "nz"))
+        side = number(size, "the size", "the side of a voxel, a positive number [m]")
+        return cls._of(
+            solids.voxels(grid, side, corner), corner, corner + side * np.array(grid.shape), space=True, **task
+        )
+
+    @classmethod
     def _of(
         cls, obstacles: tuple[Obstacle, ...], lower: ArrayLike, upper: ArrayLike, *, start: ArrayLike,
         goal: Goal | ArrayLike, robot_radius: float = 0.0, robot_height: float = TUNING.robot_height,
-        footprint: Footprint = NO_FOOTPRINT, name: str = "scene",
+        footprint: Footprint = NO_FOOTPRINT, name: str = "scene", space: bool = False,
     ) -> "Scene":  # fmt: skip
         if footprint is not NO_FOOTPRINT and robot_radius:
             raise SceneError(f"{name}: both a robot_radius and a footprint are given; give one of them")
+        d = 3 if space else 2
         if not isinstance(goal, Goal):
-            x, y, radius = numbers(goal, (3,), "the goal", "x, y, radius [m]")
-            goal = Goal(center=np.array([x, y]), radius=float(radius))
-        low = numbers(lower, (2,), "lower", "x, y [m]")
-        high = numbers(upper, (2,), "upper", "x, y [m]")
-        begin = solids.table([start], (2, 3), "start", "x, y [m] and perhaps a heading [rad]")[0]
+            *center, radius = numbers(goal, (d + 1,), "the goal", f"x, y,{' z,' * space} radius [m]")
+            goal = Goal(center=np.array(center), radius=float(radius))
+        low = numbers(lower, (d,), "lower", AXES[d])
+        high = numbers(upper, (d,), "upper", AXES[d])
+        begin = solids.table([start], (d, 3), "start", AXES[3] if space else "x, y [m] and perhaps a heading [rad]")[0]
         return cls(
             name=name, lower=low, upper=high, obstacles=obstacles, goal=goal, start=begin, robot_radius=robot_radius,
             robot_height=robot_height, footprint=footprint,

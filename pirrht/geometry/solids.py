@@ -55,6 +55,40 @@ def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) 
     return boxes(resolution * cover(occupied).reshape(-1, 4)[:, [2, 0, 3, 1]] + np.tile(origin, 2), height)
 
 
+def voxels(occupied: BoolArray, size: float, origin: Array) -> tuple[Obstacle, ...]:
+    """Make boxes in space that cover just the occupied voxels of a side [m], the first of all at an origin [m]."""
+    from pirrht.geometry.rectangles import blocks
+
+    corners = (size * blocks(occupied) + np.tile(origin, 2)).reshape(-1, 2, 3)
+    return tuple(
+        Obstacle(
+            name=f"block {i}", kind=Kind.BOX, size=0.5 * (high - low), position=0.5 * (low + high), rotation=np.eye(3)
+        )
+        for i, (low, high) in enumerate(corners, start=1)
+    )
+
+
+def occupancy(occupied: ArrayLike, axes: Sequence[str]) -> BoolArray:
+    """Return a grid of booleans along some axes; SceneError: it is none, or has too many cells."""
+    try:
+        grid = np.asarray(occupied)
+    except ValueError:  # rows of several lengths
+        grid = np.array(None)
+    if grid.ndim != len(axes) or grid.size == 0 or grid.dtype != np.bool_ or np.ma.is_masked(occupied):
+        masked = " with masked cells" if np.ma.is_masked(occupied) else ""
+        raise SceneError(
+            f"the grid is of {grid.dtype} and shape {grid.shape}{masked}; it must hold booleans ({', '.join(axes)}), "
+            "such as `grid > 50` makes them"
+        )
+    if grid.size > TUNING.grid_cells:
+        coarser = [str(int(np.ceil((grid.size / TUNING.grid_cells) ** (1.0 / grid.ndim))))] * grid.ndim
+        raise SceneError(
+            f"the grid has {' x '.join(map(str, grid.shape))} cells, and at most {TUNING.grid_cells:,} are taken; "
+            f"cut out a part, or join {' x '.join(coarser)} cells to one that is occupied if one of them is"
+        )
+    return grid
+
+
 def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
     """Return rows of finite numbers (k, widest), filled up with 0; SceneError names a row of anything else."""
     out = np.zeros((len(rows_of(rows, what, f"rows: {columns}")), widths[-1]))

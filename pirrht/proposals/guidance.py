@@ -66,8 +66,11 @@ class DDPGuidance:
         self.optimise = optimiser(kind)
         strength, position, curved, active, self.metric = _noise_of(problem, setup, self.width, tuning)
         self.tasks = {warmth: self._task(warmth, strength, position, curved, active) for warmth, _ in tuning.cold}
+        # Walls are met so soon under strong noise that the first stages would price all of the free space.
+        fitting = [stage for stage in tuning.cold if self._layer(stage) <= tuning.widest_layer * self.wall_radius]
+        self.cold = tuple(fitting) or tuning.cold[-1:]
         hold = tuning.hold * problem.least_rate / self.wall_radius**2
-        tracking, window = self.tasks[tuning.cold[0][0]]._replace(hold=hold), None
+        tracking, window = self.tasks[self.cold[0][0]]._replace(hold=hold), None
         if setup.world.moving.J > 0:
             # A reference passes obstacles in time; tracking it late and avoiding them ends on another side of some.
             tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), tuning.window
@@ -113,6 +116,10 @@ class DDPGuidance:
             tolerance=t.tolerance * warmth * temperature, steep=t.steepest * math.sqrt(2.0 * rate / temperature),
             far=math.sqrt(2.0 * rate * temperature) / position, active=active, curved=curved,
         )  # fmt: skip
+
+    def _layer(self, stage: Stage) -> float:
+        """Return the boundary layer of a stage [m]."""
+        return self.tasks[stage[0]].least / self.tuning.parabola
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 s from x (n,)."""
@@ -186,7 +193,7 @@ class DDPGuidance:
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
         reference, *alternatives = paths
         for path in paths:
-            yield self._begun(query, path), t.cold[1:] if noisy else t.cold
+            yield self._begun(query, path), t.cold[1:] if noisy else self.cold
         if query.setup.world.moving.J > 0:
             yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
         if thorough and self.tasks[1.0].curved and not alternatives:

@@ -11,6 +11,7 @@ class ProposalTuning(NamedTuple):
     # Stages of an optimisation: more passes cost time; fewer leave guides short of their optimum in narrow passages.
     cold: tuple[Stage, ...] = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference
     warm: tuple[Stage, ...] = ((1.0, 8),)  # from the last guide, which is near its optimum
+    widest_layer: float = 2.0  # radii of walls; stages with a wider boundary layer are left out, but for the last
     perturbed: tuple[Stage, ...] = ((1.0, 60),)  # from another start of the same class
     paces: tuple[float, ...] = (
         1.15,

@@ -187,12 +187,12 @@ class Nerve:
     def cycles(self, known: Sequence[Sequence[int]] = ()) -> list[list[int]]:
         """Return the sets along a basis of cycles: of few sets each, then that leave the workspace seldom, then short.
 
-        Known cycles come first, and are left out.
+        Known cycles come first, and are left out. A cycle that is no sum of triangles has an edge with a part of its
+        class, so it is enough to search from the ends of these.
         """
         parts = self.parts()
-        rank = max(map(int.bit_length, parts), default=0)
         best = dict[int, tuple[int, int, float, list[int]]]()
-        for first in range(self.sets.amount if rank else 0):
+        for first in sorted({i for pair, e in self.edge_of.items() if parts[e] for i in pair}):
             chain, total = self._tree(first, parts)
             for (i, j), e in self.edge_of.items():
                 if i not in chain or not (kind := total[i] ^ total[j] ^ parts[e]):
@@ -206,7 +206,8 @@ class Nerve:
         for one in known:
             _independent(self.kind(one, parts), rows)
         ordered = sorted(best.items(), key=lambda item: item[1])
-        return [cycle for kind, (*_, cycle) in ordered if _independent(kind, rows)]
+        kept = [cycle for kind, (*_, cycle) in ordered if _independent(kind, rows)]
+        return [[*cycle[k:], *cycle[:k]] for cycle in kept for k in [cycle.index(min(cycle))]]
 
     def kind(self, cycle: Sequence[int], parts: list[int]) -> int:
         """Return the class of a cycle modulo 2, of the parts of edges."""
@@ -253,8 +254,8 @@ class Nerve:
     def _order(self, cycle: Sequence[int]) -> tuple[int, float]:
         """Return how often a cycle goes from a solid to a half space, and how long its polygon is [m]."""
         outside = np.array(cycle) >= self.sets.amount - SIDES
-        corners = self.corners(cycle)
-        length = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).sum()
+        corners = self.points[self._around(cycle)]
+        length = np.linalg.norm(corners - corners[np.arange(-1, len(cycle) - 1)], axis=1).sum()
         return int(np.sum(outside & ~np.roll(outside, 1))), float(length)
 
 

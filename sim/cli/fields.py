@@ -79,6 +79,7 @@ step_ms.p95                     number  ms    its 95th percentile
 step_ms.max                     number  ms    the longest
 deadline_misses                 integer 1     plans that took longer than the period, or by a clock were late
 blocked                         list    s     from when to when no path was found or no sample survived
+plant_mismatch                  object  1     by state: rms off the equation after a period; of wheels and rotors
 real_time.period                number  s     with --real-time: control period
 real_time.periods               integer 1     control periods
 real_time.deadline_misses       integer 1     as above

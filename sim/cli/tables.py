@@ -197,6 +197,9 @@ def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
         say(f"{run.doubtful_plans} of {counted(run.steps, 'plan')} had fewer than {TUNING.few:g} effective samples, "
             f"the weakest {run.least_ess:.1f} at {run.least_ess_time:.2f} s: their controls are guesses; try more "
             "--samples")  # fmt: skip
+    if (off := run.plant_mismatch) is not None:
+        say("wheels or rotors follow the equation about; after a period they are off it by (rms) "
+            + ", ".join(f"{name} {v:.2g}" for name, v in off.items()))  # fmt: skip
     if run.real_time is not None:
         say(episode.summary(run.real_time))
     longest = f", the longest later one {max(later):.1f} ms" if later else ""

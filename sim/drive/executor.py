@@ -5,14 +5,15 @@ and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`, or 
 `ctrl = M @ twist(x, u + s dw/h)`. With deadbeat servos a step of MuJoCo is then the Euler-Maruyama step of the
 equation, and the displacement has covariance B B' t. Motors take accelerations instead: the velocity's step is then
 that of the equation, and the position moves on with the velocity of the step's end (semi-implicit Euler) where the
-equation alone takes that of its start. Wheels with slow servos follow it up to their lag (models/robots/diffdrive.xml).
+equation alone takes that of its start. Rotors are commanded the control alone, and noise is a force. They, and wheels
+with slow servos, follow the equation up to their lag (models/robots/drone.xml, diffdrive.xml).
 A step may be longer than a wall is thick, or than an obstacle that moves: what is between two steps counts as well as
 their ends. Clearance is that of the robot itself, without the margin of plans: of the ball that holds it.
 Moving obstacles are where their motions say at the end of each step, by the plant's own clock.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, dist, inf, sqrt
 
 import mujoco
@@ -139,8 +140,10 @@ class Advance:
     length: float  # of the path [m]
     clearance: float  # the least around the robot after any step [m]; 0 after a collision
     states: Array  # (k, n) after each step
+    attitudes: Array  # (k, 4) quaternions, w first, of a robot that flies; else (k, 0)
     controls: Array  # (k, m)
     noise: Array  # (k, m) Brownian increments [sqrt(s)]
+    off: tuple[Array, ...] = ()  # (n,) how far from the equation it ends; of wheels or rotors, which follow it about
 
     def __repr__(self) -> str:
         end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
@@ -165,6 +168,8 @@ class Plant:
         self._begun, self._steps = 0.0, 0  # time of the last reset [s], and steps since; one that is made counts
         self.enter(problem, clearance)
         self.reset(problem.dynamics.state_of(problem.scene.start))
+
+    attitude = np.empty(0)  # quaternion (4,) of a robot that flies
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
         """Continue in this problem, of the same robot: among its obstacles, to its goal, under its noise."""
@@ -208,6 +213,7 @@ class Plant:
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
         controls = np.empty_like(noise)
         states = np.empty((self._count, len(x)))
+        attitudes = np.empty((self._count, len(self.attitude)))
 
         outcome = None
         cost = 0.0
@@ -223,6 +229,7 @@ class Plant:
             last = place
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
+            attitudes[k] = self.attitude
             place = x[position].tolist()
             length += dist(place, last)
             if not _within(lower, place, upper) or self._touching(before, x):
@@ -234,7 +241,8 @@ class Plant:
             raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; fix them")
         return Advance(
             outcome=outcome, time=k * h, cost=cost, length=length, states=states[:k], controls=controls[:k],
-            noise=noise[:k], clearance=0.0 if outcome is Outcome.COLLISION else checker.least(states[:k], times[:k]),
+            noise=noise[:k], attitudes=attitudes[:k],
+            clearance=0.0 if outcome is Outcome.COLLISION else checker.least(states[:k], times[:k]),
         )  # fmt: skip
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
@@ -290,14 +298,34 @@ class Executor(Plant):
         if self._mocap is not None:
             self._mocap.place(self.data, time)
         mujoco.mj_step1(self._model, self.data)
+        if self._joints.fly is not None:
+            self.attitude = self.data.qpos[3:7].copy()
+
+    def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
+        """Drive for one period, or to the goal or a collision; see `Plant.advance`."""
+        x = self.state
+        advance = super().advance(control_at, rng)
+        if not self._joints.rolls:
+            return advance
+        for u, dw in zip(advance.controls, advance.noise, strict=True):
+            x = self._problem.dynamics.step(x, u, dw, self.physics_step)
+        return replace(advance, off=(advance.states[-1] - x,))
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, cut after its position stage, so that the contacts are those of the new state."""
-        self.data.ctrl[:] = self._command.dot(self._problem.dynamics.twist(x, self._rate(x, u, dw)))
+        twist = self._problem.dynamics.twist
+        fly = self._joints.fly
+        made = twist(x, self._rate(x, u, dw))
+        if fly is None:
+            self.data.ctrl[:] = self._command.dot(made)
+        else:
+            fly(self.data, twist(x, self._rate(x, u, np.zeros(len(dw)))), made)
         mujoco.mj_step2(self._model, self.data)
         if self._mocap is not None:
             self._mocap.place(self.data, self.time)
         mujoco.mj_step1(self._model, self.data)
+        if fly is not None:
+            self.attitude = self.data.qpos[3:7].copy()
         return self._joints.read(self.data, x)
 
     def _touching(self, before: Array, x: Array) -> bool:

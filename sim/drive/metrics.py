@@ -203,6 +203,7 @@ class EpisodeMetrics:
         self.plan_seconds: list[float] = []  # wall time of each [s]
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
+        self._off: list[Array] = []  # states less those of the equation alone, after periods
         self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
         self._adapter = adapter_of(task.problem.dynamics.states)
         self._length = Length(x[self._adapter.position])
@@ -225,6 +226,7 @@ class EpisodeMetrics:
             self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene, self._adapter)
         clearance = self._checker.least(plan.state[None], np.array([begin]))
 
+        self._off.extend(advance.off)
         self.time = begin + advance.time
         self.cost = self.cost + advance.cost
         self.vertices = made.vertices
@@ -334,6 +336,13 @@ class EpisodeMetrics:
         }
 
     @property
+    def plant_mismatch(self) -> dict[str, float] | None:
+        """By how much a state is off the equation after a period, root mean square; None where it is exact."""
+        if not self._off:
+            return None
+        return dict(zip(self._adapter.states, np.sqrt(np.mean(np.square(self._off), axis=0)).tolist(), strict=True))
+
+    @property
     def truth(self) -> dict[str, float] | None:
         """The exact value at the start, and |u - u*| over the control steps; None without a grid."""
         if not self._truths:
@@ -344,7 +353,7 @@ class EpisodeMetrics:
     def json(self) -> dict[str, Any]:
         """Return the figures of a run of at least one frame under the names of the public JSON."""
         names = (*(f.name for f in FIGURES), "step_ms", "deadline_misses", "blocked")
-        more = {"real_time": self.real_time, "truth": self.truth}
+        more = {name: getattr(self, name) for name in ("plant_mismatch", "real_time", "truth")}
         return {name: getattr(self, name) for name in names} | {k: v for k, v in more.items() if v is not None}
 
 

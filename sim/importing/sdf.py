@@ -17,9 +17,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.importing.meshes import Budget, split
+from sim.importing.meshes import split
 from sim.importing.sdf_files import read_world
 from sim.importing.solids import LOW, Solid, World, is_low, part_solid, transform
+from sim.mjcf.convex import Budget
 from sim.mjcf.library import FARTHEST, FINEST, MOST_NESTED, listed, refused
 
 _SHAPES = {  # measures of a geometry, and how many numbers each has

@@ -9,8 +9,8 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
+from sim.mjcf.convex import FLAT
 
-FLAT = 1e-3  # least thickness of a part of a mesh [m]
 LOWEST = 0.01  # robots drive over what is no higher, like carpets and floors [m]
 HIGHEST_FLOOR = 0.5  # of what lies under start and goal [m]
 LOW = f"no higher than {LOWEST:g} m, so driven over and left out: "

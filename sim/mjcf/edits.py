@@ -4,7 +4,7 @@ A scene that says nothing of its looks gets light, and the colours of those that
 stays. The site `workspace` bounds the plan and is no thing: it is never drawn.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -12,7 +12,7 @@ import numpy as np
 
 from pirrht.errors import SceneError
 from sim.mjcf.library import compile_spec, delete, listed
-from sim.mjcf.obstacles import MOTIONS, moved_by, moved_geoms
+from sim.mjcf.obstacles import MOTIONS, mesh_of, moved_by, moved_geoms
 from sim.text import counted
 
 PREFIX = "loose/"  # of a body that was made for a geom of the worldbody
@@ -24,6 +24,7 @@ _KEPT = (
 _TURNS = ("axisangle", "xyaxes", "zaxis", "euler", "type")
 SITES = {"start": (0.20, 0.45, 0.75, 0.8), "goal": (0.25, 0.65, 0.35, 0.7)}
 
+HIDDEN = 3  # group of geoms that collide and are not drawn
 FLOOR = (0.83, 0.845, 0.86, 1.0)
 WALL = (0.27, 0.33, 0.42, 1.0)
 MOVING = (0.50, 0.36, 0.62, 1.0)
@@ -111,6 +112,35 @@ def loosen(spec: mujoco.MjSpec) -> None:
     goal.rgba = [0.25, 0.65, 0.35, 0.7]
     goal.contype = 0
     goal.conaffinity = 0
+
+
+def part_meshes(spec: mujoco.MjSpec, model: mujoco.MjModel, concave: Mapping[int, str]) -> list[str]:
+    """Give bodies convex parts of their meshes that are `concave`, which no longer collide; return lines on that.
+
+    `concave` has what messages call the meshes, by geom. A mesh that is one part stays as it is.
+    """
+    geoms = {geom.id: geom for geom in spec.geoms} if concave else {}
+    notes = list[str]()
+
+    for number, label in concave.items():
+        from sim.mjcf.convex import convex_parts  # trimesh is slow to import, and few scenes have meshes
+
+        geom = geoms[number]
+        vertices, faces = mesh_of(model, number)
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, model.geom_quat[number])
+        corners = vertices @ turn.reshape(3, 3).T + model.geom_pos[number]  # in the frame of its body
+        parts, more = convex_parts(corners[faces], label)
+        if len(parts) < 2:
+            continue
+        for k, part in enumerate(parts, start=1):
+            name = f"{geom.name or f'geom{number}'} #{k}"
+            spec.add_mesh(name=name, uservert=part.ravel())
+            own = geom.parent.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, group=HIDDEN)
+            own.contype, own.conaffinity = geom.contype, geom.conaffinity
+        geom.contype = geom.conaffinity = 0
+        notes += more or [f"{label}: MuJoCo collides with its {len(parts)} convex parts, and so do plans"]
+    return notes
 
 
 def dress(model: mujoco.MjModel) -> None:

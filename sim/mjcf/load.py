@@ -21,10 +21,10 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.footprint import Footprint
-from pirrht.geometry.obstacle import Motion
+from pirrht.geometry.obstacle import Motion, Obstacle
 from pirrht.geometry.scene import ROUNDING, Scene
 from sim.mjcf import obstacles
-from sim.mjcf.edits import freeze, leave_out, loosen
+from sim.mjcf.edits import freeze, leave_out, loosen, part_meshes
 from sim.mjcf.footprint import footprint_of, rectangle_of
 from sim.mjcf.library import Faults, compile_spec, delete, find, listed, parse, prefixed, refused, robot_names
 from sim.mjcf.obstacles import MOTION, POSES, Mask, geom_label, site_of
@@ -39,7 +39,7 @@ _FROM_ROBOT = (
     *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
 )  # options of the physics
 SMALLER = ", or choose a smaller --radius or --footprint"
-DECOMPOSE = "`pirrht import MESH --decompose` makes convex parts of a mesh"
+DECOMPOSE = "`pirrht import MESH` makes convex parts of a mesh"
 DEFAULT = "puck"  # the robot of scenes that name none
 ABOUT = "pirrht_about"  # a sentence on the scene
 
@@ -111,19 +111,17 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
     robot = read_robot(task.robot or meant, radius, task.system, footprint=footprint, margin=margin)
     with prefixed(f"{path}: "):
-        model = _join(spec, robot, path)
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
-        mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
-        faults.of(_refuse_actuators, model, len(robot.command))
         adapter = robot.system.adapter
-        met = obstacles.read_obstacles(model, data, mine, robot.span, faults)
+        model, data, mine, met = _joined(spec, robot, path, faults, notes)
+        faults.of(_refuse_actuators, model, len(robot.command))
         solids = {geom: robot.meets(solid) for geom, solid in met.items()}
         borders = faults.of(obstacles.read_workspace, model, data, task.workspace, adapter.dimension)
         goal = faults.of(adapter.goal, model, data, site_of(model, "goal"), task.goal)
         start = faults.of(adapter.start, data, site_of(model, "start"), task.start)
         faults.refuse()
         assert borders is not None and goal is not None and start is not None  # noqa: PT018
+        _put(model, "start", start[: adapter.dimension])
+        _put(model, "goal", goal.center, goal.radius)
         if concave := obstacles.concave_meshes(model, solids):
             called = listed([*concave.values()])
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
@@ -193,6 +191,27 @@ def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     return compile_spec(spec, path)
 
 
+def _joined(
+    spec: mujoco.MjSpec, robot: Robot, path: Path, faults: Faults, notes: list[str]
+) -> tuple[mujoco.MjModel, mujoco.MjData, Mask, dict[int, Obstacle]]:
+    """Attach the robot, for one in space among convex parts of meshes, and note it.
+
+    Returns model, places of everything, which geoms (ngeom,) are the robot's, and what it can collide with, by geom.
+    """
+    model = _join(spec, robot, path)
+    while True:
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
+        met = obstacles.read_obstacles(model, data, mine, robot.span, faults)
+        concave = obstacles.concave_meshes(model, met) if robot.system.adapter.dimension == 3 else {}
+        parted = part_meshes(spec, model, concave)
+        if not parted:
+            return model, data, mine, met
+        notes += parted
+        model = compile_spec(spec, path)
+
+
 def _margin_left(scene: Scene, margin: float, task: SceneOptions, at: str) -> float | None:
     """Return what a moving obstacle leaves of a margin at the start [m]; None: all. SceneError: they collide."""
     clearance, body = obstacles.clearance_at_start(scene)
@@ -205,6 +224,15 @@ def _margin_left(scene: Scene, margin: float, task: SceneOptions, at: str) -> fl
         f'at the start {at} the robot touches body "{body}" (by {-clearance:.3g} '
         f"m), and it moves: {elsewhere}, or write another first row of its motion"
     )
+
+
+def _put(model: mujoco.MjModel, site: str, place: Array, radius: float | None = None) -> None:
+    """Draw a site of the worldbody at a place (d,), where options may have it."""
+    number = site_of(model, site)
+    if number >= 0 and model.site_bodyid[number] == 0:
+        model.site_sameframe[number] = 0
+        model.site_pos[number, : len(place)] = place
+        model.site_size[number, 0] = radius or model.site_size[number, 0]
 
 
 def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Array) -> None:

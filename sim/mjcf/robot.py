@@ -1,7 +1,8 @@
 """Robot files: what they must declare, and how a radius, a footprint and a physics step are applied to them.
 
 Body `robot` is the root, at the origin. Slides along x and y [and a hinge about z] move it, whose positions are the
-state; or a free joint and wheels, which touch the robot's own infinite plane `ground` by contact pairs. The sphere
+state; or a free joint and wheels, which touch the robot's own infinite plane `ground` by contact pairs. In space these
+are slides along x, y and z, or a free joint and rotors (`sim.states.rotors`), which need no command matrix. The sphere
 geom `footprint` has the radius and height with which the robot plans: if it collides, another radius scales the whole
 robot, else whatever collides must lie inside it. Without it a robot with a heading plans as the hull of what collides,
 seen from above. Actuators are velocity servos tuned for the file's own timestep, or motors where velocities are states.
@@ -46,7 +47,7 @@ class Robot:
     margin: float  # part of the footprint by which it is larger than what collides [m]
     span: Span  # least and greatest height at which it meets obstacles [m]
     rest: Array  # (nq,) joint positions at the origin, heading along x
-    rolling: bool  # whether wheels carry it, instead of joints
+    rolling: bool  # whether wheels or rotors carry it, instead of joints
     unfit: str = ""  # why MuJoCo cannot move it as a given system does
 
     def meets(self, obstacle: Obstacle) -> Obstacle:
@@ -77,13 +78,15 @@ def read_robot(
             span = span_of(shape) if moved.adapter.dimension == 2 else (-inf, inf)
         _check_place(model)
         unfit = moved.adapter.unfit(model, moved.name)
-        command = _command(spec, int(model.nu), moved.twists if system is None else None)
         # Another system may do without MuJoCo; the plant sees to it where it does not.
         if system is None and (wrong := unfit or _wrong_actuator(model, moved.adapter, moved.name)):
             raise SceneError(wrong)
+        joints = moved.adapter.joints(model)
+        twists = moved.twists if system is None else None
+        command = np.zeros((int(model.nu), 3)) if joints.fly else _command(spec, int(model.nu), twists)
         return Robot(
             name=path.stem, spec=spec, system=moved, footprint=shape, margin=margin, span=span, command=command,
-            rest=moved.adapter.rest(model), rolling=moved.adapter.joints(model).rolls,
+            rest=moved.adapter.rest(model), rolling=joints.rolls,
             unfit=unfit and f"{path}: {unfit}",
         )  # fmt: skip
 

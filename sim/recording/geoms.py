@@ -163,7 +163,7 @@ class RobotPoses:
         self._root = int(loaded.model.body(ROOT).id)
 
     def at(self, states: Array) -> Array:
-        """Poses (k, 7) of the root in states (k, n): x, y, z [m] and a quaternion, w last."""
+        """Poses (k, 7) of the root in states (k, n), or n + 4 with attitudes: x, y, z [m] and a quaternion, w last."""
         poses = np.empty((len(states), 7))
         still = np.zeros(2)
         rest = np.zeros(self._model.nu)

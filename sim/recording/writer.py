@@ -64,6 +64,8 @@ class Row:
         self.moment = frame.step, frame.time  # at its start, simulated time [s]
         self.end = frame.end_time  # [s]
         self.states = np.vstack([plan.state, frame.advance.states])  # at its start and after each physics step
+        attitudes = frame.advance.attitudes[[0, -1]]
+        self.posed = np.hstack([self.states[[0, -1]], attitudes])  # at its start and end, with attitudes if it flies
         self.cells = cells(frame)  # its values at `/steps`, by component
         self.arriving = arriving(estimate, plan.ids) if estimate else {}  # share of the samples of each class
         self.risks = frame.collision.classes if frame.collision else {}  # given the class
@@ -155,7 +157,8 @@ class Writer:
             lengths = [*lengths, 0]
             every = [*moments, (last.moment[0] + 1, last.end)]
         arrows = rr.Arrows3D.columns(vectors=vectors).partition(lengths)
-        self._transforms("/world/robot", every, self._robot.at(np.array(states)), arrows)
+        posed = [r.posed[0] for r in rows] + [last.posed[1]] * (last.outcome is not None)
+        self._transforms("/world/robot", every, self._robot.at(np.array(posed)), arrows)
         self._movers(every)
         if not self._subject.in_time:
             return

@@ -1,7 +1,7 @@
 """Interface between states of systems and what is around them: joints, scenes, options, tables and pictures."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -24,7 +24,11 @@ class Joints(Protocol):
 
     @property
     def rolls(self) -> bool:
-        """Return whether wheels carry the robot, so that a step is that of the equation only about."""
+        """Return whether wheels or rotors carry the robot, so that a step is that of the equation only about."""
+
+    @property
+    def fly(self) -> Callable[[Any, Array, Array], None] | None:
+        """Return what flies a robot with rotors: of an acceleration that is wanted, and that with gusts [m/s^2]."""
 
     @property
     def names(self) -> tuple[str, ...]:

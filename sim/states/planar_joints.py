@@ -24,6 +24,7 @@ class PlanarJoints:
     """Translates states to slides along x and y, perhaps with a hinge about z."""
 
     rolls = False
+    fly = None
 
     def __init__(self, model: mujoco.MjModel, states: StateAdapter) -> None:
         names = states.states
@@ -59,6 +60,7 @@ class FreeJointBase:
     """Translates x, y and heading to the pose of a body on wheels."""
 
     rolls = True
+    fly = None
     rates = ()
 
     def __init__(self, model: mujoco.MjModel, states: StateAdapter) -> None:

@@ -66,20 +66,20 @@ class Space(StateAdapter):
         return f"x {x}, y {y} and z {z}"
 
     def unfit(self, model: Any, system: str) -> str:
-        """Refuse joints that are no slides along x, y and z."""
+        """Refuse joints that are no slides along x, y and z, and no free joint with rotors."""
         from sim.states import space_joints
 
         return space_joints.unfit(model, self, system)
 
     def rest(self, model: Any) -> Array:
-        """Return joint positions (3,) at the origin."""
+        """Return joint positions (nq,) at the origin, level."""
         return np.array(model.qpos0)
 
     def joints(self, model: Any) -> Joints:
-        """Return slides along x, y and z."""
+        """Return those of slides along x, y and z, or of a free joint with rotors."""
         from sim.states import space_joints
 
-        return space_joints.Slides(self)
+        return space_joints.joints_of(model, self)
 
     def above(self, states: Array) -> Array:
         """Return x and y, (..., 2)."""

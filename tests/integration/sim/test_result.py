@@ -29,7 +29,7 @@ PERIOD = 0.01
 def advance(outcome: Outcome | None = None) -> Advance:
     return Advance(
         outcome=outcome, time=PERIOD, cost=0.25, length=0.02, clearance=0.3, states=np.array([[1.01, 2.5]]),
-        controls=np.zeros((1, 2)), noise=np.zeros((1, 2)),
+        controls=np.zeros((1, 2)), noise=np.zeros((1, 2)), attitudes=np.empty((1, 0)),
     )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ def test_the_window_is_read_at_all_heights_for_a_ball_and_at_its_height_for_a_pu
         assert [one.name for one in scene.obstacles] == solid
         np.testing.assert_allclose([*scene.lower, *scene.upper], [0.2, 0.2, 0.2, 5.8, 3.8, 2.8])
         np.testing.assert_allclose([*scene.start, *scene.goal.center, scene.goal.radius], [0.8, 2, 1, 5.2, 2, 1, 0.3])
-        assert loaded.command.shape == (3, 3)
+        assert loaded.command.shape == ((4, 3) if loaded is drone else (3, 3))
         eye, target = loaded.overview
         assert np.all((target > scene.lower) & (target < scene.upper))
         assert eye[2] > scene.upper[2]
@@ -56,6 +56,23 @@ def test_a_robot_in_space_flies_through_the_window_without_contact(robot, noise)
     heights = np.concatenate([frame.advance.states for frame in frames])[:, 2]
     assert 0.65 + 0.2 < heights.min() < heights.max() < 1.35 - 0.2 + 0.3
     assert np.ptp(heights) > 0.005  # noise acts along all axes
+    assert (run.plant_mismatch is None) is (robot == "ball")
+    if robot == "drone":  # a quadrotor, which lags behind the plan by its tilt
+        off = run.json()["plant_mismatch"]
+        assert 0.0 < off["x"] < 0.005
+        assert 0.001 < off["vx"] < 0.1
+        assert np.ptp(np.concatenate([frame.advance.attitudes for frame in frames])[:, 2]) > 0.05
+
+
+@pytest.mark.slow
+def test_a_recording_shows_how_a_drone_tilts(tmp_path):
+    scenario, tree, driver, drive = flown("drone", noise=0.3, max_time=0.3)
+    file = tmp_path / "drone.rrd"
+    subject = scenario.loaded, tree, driver.path_integral
+    frames = logged(Recorder(*subject, Sinks(file=file), Look(), settings={"scene": "window"}), drive)
+    turns = np.array(columns(file)["/world/robot"]["Transform3D:quaternion"]).reshape(-1, 4)
+    np.testing.assert_allclose(np.roll(turns[-1], 1), frames[-1].advance.attitudes[-1], atol=1e-6)
+    assert np.ptp(turns[:, 1]) > 0.01
 
 
 @pytest.mark.slow

@@ -108,6 +108,17 @@ def test_every_robot_is_drawn_where_it_is(graphics, robot):
     assert columns.min() < 130 < 190 < columns.max()
 
 
+def test_a_film_shows_how_a_drone_tilts(graphics):
+    scenario = prepare("window", robot="drone", given={"vertices": 80, "samples": 20, "max_time": 0.3})
+    one = film.Film(scenario.loaded, size=(64, 36))
+    for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+        one.add(frame)
+    one.shots([np.inf])
+    one.close()
+    np.testing.assert_array_equal(one._data.qpos[3:7], frame.advance.attitudes[-1])
+    assert np.abs(frame.advance.attitudes[:, 1:]).max() > 0.001
+
+
 def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphics, monkeypatch):
     told, noted, draw = list[str](), list[str](), film.Film._draw
 

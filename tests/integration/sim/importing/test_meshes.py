@@ -7,9 +7,8 @@ import pytest
 import trimesh
 
 from pirrht import FreeSpace, OptionError, SceneError
-from sim.importing import meshes
 from sim.importing.scene_file import import_world
-from sim.mjcf import load
+from sim.mjcf import convex, load
 
 TASK = {"start": (1.0, 1.0), "goal": (3.5, 3.5, 0.3)}
 WALLS = [[(0, 0, 0), (4, 0.2, 1)], [(0, 0.3, 0), (0.2, 4, 1)]]
@@ -72,7 +71,7 @@ def test_start_and_goal_are_checked_with_the_robot_that_plans(tmp_path, task, wh
 
 def test_what_would_take_coacd_minutes_is_refused(ring, tmp_path, monkeypatch):
     pytest.importorskip("coacd")
-    monkeypatch.setattr(meshes, "MOST_FACES", 2000)
+    monkeypatch.setattr(convex, "MOST_FACES", 2000)
     with pytest.raises(SceneError, match="2400 triangles would take CoACD minutes; simplify it to 2000 triangles"):
         import_world(ring, tmp_path / "scene.xml", decompose=True, **TASK)
 

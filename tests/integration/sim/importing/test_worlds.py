@@ -270,7 +270,7 @@ def meshed(inner: str) -> str:
 BAD_FILES = [
     (ball("", name="a") + ball("", name="b"), "2 elements <model>"),
     (model("<x>" * 200_000 + "</x>" * 200_000), "nested deeper than"),
-    (meshed("<uri>model.sdf</uri>"), ".dae, .obj, .stl"),
+    (meshed("<uri>model.sdf</uri>"), ".dae, .obj, .ply, .stl"),
     (meshed("<uri>model.sdf</uri><scale>1 0 1</scale>"), "'1 0 1'"),
 ]
 

@@ -12,7 +12,7 @@ from trees import point
 from pirrht import Goal, Kind, Obstacle, Scene, SceneError
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover
-from pirrht.geometry.rectangles import cover, union
+from pirrht.geometry.rectangles import blocks, cover, union
 from sim.mjcf import load
 
 ROOM = {"lower": (0, 0), "upper": (6, 5), "start": (0.5, 2.5), "goal": (5.5, 2.4, 0.25), "robot_radius": 0.15}
@@ -111,6 +111,15 @@ CORNERED = {key: value for key, value in ROOM.items() if key not in ("lower", "u
         (lambda: Scene.from_grid(np.zeros(3, bool), 1.0, **CORNERED), r"shape \(3,\)"),
         (lambda: Scene.from_grid(np.zeros((5, 6), bool), 0.0, **CORNERED), "the resolution is 0"),
         (lambda: Scene.from_grid(VAST, 0.05, **CORNERED), "40000 x 30000 cells.*at most 25,000,000.*join 7 x 7 cells"),
+        (
+            lambda: Scene.from_voxels(np.zeros((3, 3), bool), 1.0, **CORNERED),
+            r"shape \(3, 3\).*booleans \(nx, ny, nz\)",
+        ),
+        (lambda: Scene.from_voxels(VAST[None], 0.1, **CORNERED), "1 x 40000 x 30000 cells.*join 4 x 4 x 4 cells"),
+        (
+            lambda: Scene.from_voxels(np.zeros((7, 7, 2), bool), 1.0, **CORNERED),
+            r"the goal is .*it must be x, y, z, rad",
+        ),
         (lambda: Scene.from_boxes([], **ROOM | {"goal": (1, 2)}), r"the goal is \(1, 2\); it must be x, y, radius"),
         (lambda: Scene.from_boxes([], **ROOM | {"start": (9, 2)}), "the start .* outside the workspace"),
     ],
@@ -140,6 +149,8 @@ MAKERS = {
     "corner": lambda v: Scene.from_polygons([[(1, 1), (2, 1), v]], **ROOM),
     "grid": lambda v: Scene.from_grid(v, 1.0, **CORNERED),
     "resolution": lambda v: Scene.from_grid(np.zeros((5, 6), bool), v, **CORNERED),
+    "voxels": lambda v: Scene.from_voxels(v, 1.0, **CORNERED),
+    "size": lambda v: Scene.from_voxels(np.zeros((7, 7, 7), bool), v, **CORNERED),
     "origin": lambda v: Scene.from_grid(np.zeros((5, 6), bool), 1.0, origin=v, **CORNERED),
     "center": lambda v: Goal(center=v, radius=0.3),
     "radius": lambda v: Goal(center=np.ones(2), radius=v),
@@ -211,6 +222,33 @@ def test_any_set_of_cells_survives_as_rectangles(cells):
     runs = np.sum(np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(int), axis=1) == 1)
     assert len(pieces) <= runs  # no more than rows cut at every gap
     assert np.all(pieces[:, ::2] < pieces[:, 1::2])
+
+
+@settings(max_examples=60)
+@given(voxels=arrays(np.bool_, st.tuples(*[st.integers(1, 7)] * 3)))
+def test_any_set_of_voxels_is_covered_once_by_boxes(voxels):
+    depth = np.zeros(voxels.shape, dtype=int)
+    pieces = blocks(voxels)
+    for x0, y0, z0, x1, y1, z1 in pieces:
+        depth[x0:x1, y0:y1, z0:z1] += 1
+    np.testing.assert_array_equal(depth, voxels)
+    runs = [
+        np.sum(np.diff(np.pad(voxels, [(k == axis, 0) for k in range(3)]).astype(int), axis=axis) == 1)
+        for axis in range(3)
+    ]
+    assert len(pieces) <= min(runs)
+
+
+def test_voxels_make_a_scene_in_space_that_is_solid_where_they_are():
+    voxels = np.random.default_rng(3).random((6, 5, 4)) < 0.3
+    voxels[0, 0, 0] = voxels[-1, -1, -1] = False
+    origin = np.array([-1.0, 2.0, 0.5])
+    upper = origin + np.array([3.0, 2.5, 2.0])
+    task = {"start": origin + 0.2, "goal": [*(upper - 0.2), 0.1], "robot_radius": 1e-3}
+    scene = Scene.from_voxels(voxels, 0.5, origin=origin, **task)
+    np.testing.assert_array_equal([scene.lower, scene.upper], [origin, upper])
+    centres = origin + 0.5 * (np.argwhere(np.ones(voxels.shape)) + 0.5)
+    np.testing.assert_array_equal(clearance(scene, centres) <= 0.0, voxels.ravel())
 
 
 ROWS = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [3.0, 1.0, 2.0, 1.0]])

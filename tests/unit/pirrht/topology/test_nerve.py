@@ -48,6 +48,21 @@ def test_random_scenes_have_as_many_generators_as_their_voxels(seeds, amount):
     assert len({betti for _, betti in numbers}) > 2
 
 
+def rooms_of_voxels(seed: int) -> Scene:
+    """Voxels at random, so large that voxels of a tenth tell the free space between them."""
+    occupied = np.random.default_rng([seed, 6]).random((6, 5, 4)) < 0.35
+    occupied[0, 0, 0] = occupied[-1, -1, -1] = False
+    task = {"start": (0.4, 0.4, 0.4), "goal": (4.4, 3.6, 2.8, 0.1), "robot_radius": 0.2}
+    return Scene.from_voxels(occupied, 0.8, **task)
+
+
+@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 16), marks=pytest.mark.slow)])
+def test_random_voxels_have_as_many_generators_as_a_finer_grid(seeds):
+    numbers = [(len(found(scene)), voxels(scene)) for scene in map(rooms_of_voxels, seeds)]
+    assert all(generators == betti for generators, betti in numbers)
+    assert len({betti for _, betti in numbers}) > 2
+
+
 @pytest.mark.parametrize(
     ("scene", "names"),
     [

@@ -16,8 +16,9 @@ from sdf_samples import refused
 from trimesh.triangles import area
 
 from pirrht.errors import SceneError
-from sim.importing.meshes import CONCAVE, Budget, read_collada, split
+from sim.importing.meshes import read_collada, split
 from sim.importing.solids import as_box
+from sim.mjcf.convex import CONCAVE, Budget
 
 RING = trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
 SHELL = trimesh.creation.box((6, 4, 2))  # walls without thickness, and neither floor nor ceiling
@@ -38,6 +39,7 @@ def volume(parts: list[np.ndarray]) -> float:
     [
         (RING, "a.stl", {}, 6, RING.volume),
         (RING, "a.obj", {}, 6, RING.volume),
+        (RING, "a.ply", {}, 6, RING.volume),
         (RING, "a.stl", {"hull": True}, 1, RING.convex_hull.volume),
         (RING, "a.stl", {"scale": (-1.0, 1.0, 1.0)}, 6, RING.volume),
         (INWARD, "a.stl", {}, 6, RING.volume),
@@ -160,12 +162,13 @@ def test_a_frustum_is_no_box():
 
 BAD = [
     ("a.stl", b"", "a.stl"),
+    ("a.ply", b"ply\nformat binary_little_endian 1.0\nend_header\n\xff", "a.ply"),
     ("b.stl", b"solid x\nfacet", "b.stl"),
     ("c.obj", b"f 1 2 3", "c.obj"),
     ("c.obj", b"mtllib /dev/zero\nv 0 0 0\n", "mesh"),
     ("d.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "farther out"),
     ("e.obj", b"v 1e300 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "farther out"),
-    ("f.glb", b"glTF", ".dae, .obj, .stl"),
+    ("f.glb", b"glTF", ".dae, .obj, .ply, .stl"),
     ("g.dae", b"<COLLADA/>", "no triangles"),
     ("h.dae", b'<!DOCTYPE a [<!ENTITY b "c">]><COLLADA/>', "DOCTYPE"),
 ]

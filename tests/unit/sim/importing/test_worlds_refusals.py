@@ -102,7 +102,7 @@ def test_a_bad_task_is_refused_with_the_option_to_add(task, word, tmp_path):
         ("a.world", {"number": "7"}, "--world is for files of motions"),
         ("a.yaml", {"without": ["robot"]}, "only models of a Gazebo world"),
         ("a.sdf", {"decompose": True}, "--decompose is for meshes"),
-        ("a.obj", {}, "add --decompose"),
+        ("a.obj", {"cell": 0.1}, "--cell is for grids of voxels"),
         ("a.pgm", {}, "a.pgm: a picture has neither scale nor place; give the map's .yaml"),
     ],
 )

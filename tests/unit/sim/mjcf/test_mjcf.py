@@ -126,6 +126,17 @@ def test_start_goal_and_radius_of_the_caller_win(write):
     assert load(path, start=(2, 3), radius=0.2).scene.robot_radius == 0.2
 
 
+@pytest.mark.parametrize(
+    ("scene", "start", "goal"), [("slit", (2, 1), (4, 3, 0.5)), ("window", (1, 2, 2), (5, 2, 2, 0.4))]
+)
+def test_pictures_show_start_and_goal_where_the_caller_has_them(scene, start, goal):
+    model = load(scene, start=start, goal=goal).model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_allclose(data.site("start").xpos[: len(start)], start)
+    np.testing.assert_allclose([*data.site("goal").xpos[: len(start)], model.site("goal").size[0]], goal)
+
+
 def test_a_puck_grows_with_its_radius_and_another_robot_keeps_its_body():
     loaded = load("slit", radius=0.2)
     assert loaded.scene.robot_height == pytest.approx(0.2)
