@@ -5,7 +5,7 @@ In space a pose is x, y, z [m] and a unit quaternion (w, x, y, z); between two r
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from operator import itemgetter
@@ -119,7 +119,8 @@ class Motion:
             raise SceneError(f"a motion has repeat {short(self.repeat)}; it must be True or False")
         width, must = 4, "a time, x, y and a yaw"
         given = rows_of(self.rows, "the rows of a motion", must)
-        if len(given) and np.size(given[0]) == 8:
+        first = next(iter(given), ())
+        if isinstance(first, Collection) and getattr(first, "ndim", 1) > 0 and len(first) == 8:
             width, must = 8, "a time, x, y, z and a quaternion w, x, y, z"
         rows = np.array([numbers(row, (width,), f"row {i} of a motion", must) for i, row in enumerate(given, start=1)])
         if not len(rows):
