@@ -23,6 +23,7 @@ from pirrht.geometry.polygon import Polygon
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.space import BLOCKED, FREE, UNSURE, Space, at_states
 from pirrht.geometry.world import Moving, NoMoving, World
+from pirrht.moving.in_space import MovingSolids
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.topology.choice import continued_in, obstacles_of, signature_of
 from pirrht.topology.obstacles import Component
@@ -184,7 +185,9 @@ def collision_of(scene: Scene) -> Collision:
 
 def moving_of(scene: Scene) -> Moving:
     """Gather the moving obstacles of a scene; in a static one, none."""
-    return MovingObstacleArrays.of(scene) if scene.movers else NoMoving()
+    if not scene.movers:
+        return NoMoving()
+    return MovingSolids.of(scene) if scene.dimension == 3 else MovingObstacleArrays.of(scene)
 
 
 def _checked(scene: Scene, *, start_counts: bool = True) -> tuple[Scene, Collision]:

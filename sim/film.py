@@ -212,7 +212,7 @@ class Film:
         if not self._scene.body.is_disc:
             self._line(rings(self._scene.body, self._states.poses(state[None]))[0], 0.035, DRIVEN, 0.01)
         for mover in self._scene.movers if len(self._scene.movers) <= NAMED else ():
-            top = max(float(solid.position[2]) for solid in mover.solids)
+            top = max(float(solid.position[2]) for solid in mover.at(now))
             place = np.array([*mover.motion.pose(now)[:2], top])
             if (shape := self._add(mujoco.mjtGeom.mjGEOM_LABEL, place, np.ones(4))) is not None:
                 shape.label = mover.name.replace("_", " ")

@@ -12,6 +12,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.geometry.scene import Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting import maps
@@ -78,10 +79,13 @@ def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references:
         for reference, row in zip(references, rows, strict=True):
             line = reference.trajectory.points[:, pick]
             axes.plot(*line.T, color=rgb(colors[reference.id]), lw=PLOTTING.line, zorder=4, label="\n  ".join(row))
+        _name_movers(axes, scene, seen)
+        step = draw_moments(axes, scenario, references, colors, seen) if scene.movers else 0.0
         axes.set_title(look, fontsize=9)
     if references:
         views[0].legend(**maps.LEGEND, title="class: cost, way")
-    figure.suptitle(f"{maps.literal(scene.name)}: {tree.size} vertices, {len(references)} classes", fontsize=10)
+    when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
+    figure.suptitle(f"{maps.literal(scene.name)}: {tree.size} vertices, {len(references)} classes{when}", fontsize=10)
     _save(views[0], path, "--png")
 
 
@@ -115,14 +119,9 @@ def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], ref
 
 def draw_scene(axes: Any, scenario: "Scenario") -> None:
     """Workspace, obstacles seen from above, start and heading, goal, and moving obstacles at 0 s, few by name."""
-    from matplotlib.patheffects import withStroke
-
     scene = scenario.loaded.scene
     maps.draw(axes, scene)
-    look = {"fontsize": 7, "ha": "center", "va": "center", "color": maps.INK, "zorder": 9}
-    for mover in scene.movers if len(scene.movers) <= NAMED else ():
-        x, y = mover.motion.pose(0.0)[:2]
-        axes.text(x, y, maps.literal(mover.name), path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
+    _name_movers(axes, scene, (0, 1))
     states = scenario.system.adapter
     if (ahead := states.direction(scene.start)) is not None:
         start = states.above(scene.start)
@@ -130,7 +129,19 @@ def draw_scene(axes: Any, scenario: "Scenario") -> None:
         axes.annotate("", tip, start, arrowprops={"arrowstyle": "->", "lw": 1.2})
 
 
-def draw_moments(axes: Any, scenario: "Scenario", references: Sequence[Reference], colors: ClassColors) -> float:
+def _name_movers(axes: Any, scene: Scene, seen: tuple[int, int]) -> None:
+    from matplotlib.patheffects import withStroke
+
+    look = {"fontsize": 7, "ha": "center", "va": "center", "color": maps.INK, "zorder": 9}
+    for mover in scene.movers if len(scene.movers) <= NAMED else ():
+        x, y = mover.motion.pose(0.0)[list(seen)]
+        axes.text(x, y, maps.literal(mover.name), path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
+
+
+def draw_moments(
+    axes: Any, scenario: "Scenario", references: Sequence[Reference], colors: ClassColors,
+    seen: tuple[int, int] = (0, 1),
+) -> float:  # fmt: skip
     """Outline moving obstacles, the paler the later, and put a dot on every reference, at equal moments.
 
     Return the time between moments [s]; 0 where no reference moves.
@@ -138,19 +149,19 @@ def draw_moments(axes: Any, scenario: "Scenario", references: Sequence[Reference
     from matplotlib.ticker import MaxNLocator
 
     paths = [timed(reference, 0.0) for reference in references]
-    last = max((float(path[-1, 2]) for path in paths), default=0.0)
+    last = max((float(path[-1, -1]) for path in paths), default=0.0)
     if last <= 0.0:
         return 0.0
     moments = MaxNLocator(MOST, steps=[1, 2, 5, 10]).tick_values(0.0, last)[1:]
     numbers: list[tuple[float, Array, dict[str, Any]]] = []
     for mover in scenario.loaded.scene.movers:
         until = moments[: 1 + int(np.searchsorted(moments, mover.motion.last))]
-        maps.outlined(axes, mover, [(time, 0.9 - 0.7 * time / moments[-1]) for time in until], zorder=2.9)
+        maps.outlined(axes, mover, [(time, 0.9 - 0.7 * time / moments[-1]) for time in until], zorder=2.9, seen=seen)
         look = {"xytext": (0, 0), "ha": "center", "va": "center", "color": maps.MOVER, "zorder": 2.9}
-        numbers += [(time, mover.motion.pose(time)[:2], look) for time in until]
+        numbers += [(time, mover.motion.pose(time)[list(seen)], look) for time in until]
     for reference, path in zip(references, paths, strict=True):
-        for time in moments[moments <= path[-1, 2]]:
-            place = np.array([np.interp(time, path[:, 2], path[:, k]) for k in (0, 1)])
+        for time in moments[moments <= path[-1, -1]]:
+            place = np.array([np.interp(time, path[:, -1], path[:, k]) for k in seen])
             axes.plot(*place, "o", ms=4.0, mfc="white", mec=rgb(colors[reference.id]), mew=1.2, zorder=7)
             numbers.append((time, place, {"xytext": (3, 4), "color": maps.INK, "zorder": 8}))
     marked: list[Array] = []  # places of numbers

@@ -49,12 +49,16 @@ HALL = replace(
     ROOM, lower=np.zeros(3), upper=np.array([4.0, 4.0, 2.0]), start=np.array([0.7, 2.0, 1.0]), obstacles=(PILLAR,),
     goal=Goal(center=np.array([3.3, 2.0, 1.0]), radius=0.3),
 )  # fmt: skip
+FLYER = Mover(
+    name="flyer", solids=(replace(DISC, kind=Kind.SPHERE, position=np.zeros(3)),),
+    motion=Motion(rows=np.array([[0.0, 2.0, 0.5, 1.0, 1.0, 0.0, 0.0, 0.0], [3.0, 2.0, 1.6, 1.0, 1.0, 0.0, 0.0, 0.0]])),
+)  # fmt: skip
 
 
 def room_of(scene: Scene) -> Scene:
     """Return the small room, or one in space; an obstacle moves there, or the robot has corners, as in the scene."""
     if scene.dimension == 3:
-        return HALL
+        return replace(HALL, movers=(FLYER,) * bool(scene.movers))
     room = replace(ROOM, movers=(WALKER,) * bool(scene.movers))
     return room if scene.footprint.is_disc else replace(room, footprint=CART)
 

@@ -42,6 +42,7 @@ class HeldLaw:
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""
         moving = self.walls.moving
+        position = self.walls.static.kernels.position
         s += self.step if moving.J else 0.0  # walls that move are judged where the step ends
         u = self.law(x, s)
         nearest, direction, other, opposite = self.walls.walls(x, s, closest=-np.inf)
@@ -63,13 +64,12 @@ class HeldLaw:
             rest = thrown - self.deviation**2 * (1.0 / max(c, CLOSEST * self.deviation) - (1.0 / d if gap else 0.0))
             for row in moving.walls(self.walls.pose(x), self.walls.time + s, near):
                 if row[0] <= c + SAME:
-                    rest -= self.step * float(row[4:] @ away[:2])
+                    rest -= self.step * float(row[4 : 4 + position] @ away[:position])
             wanted -= min(rest, 0.0) * (1.0 - max(c, 0.0) / near)
         wanted = min(wanted, most)
         off = steepest(away)
         along = self.step * (G @ u) - thrown * off
         change = (wanted - thrown) * off
-        position = self.walls.static.kernels.position
         swing = self.walls.problem.scene.footprint.reach * along[position:]  # of corners
         far = math.hypot(*along[:position], *swing)
 

@@ -142,7 +142,7 @@ class Plan:
         for _ in range(PLOTTING.arrow_steps):
             moved = d.step(moved, self.control, np.zeros(d.m), PLOTTING.arrow / PLOTTING.arrow_steps)
         maps.robots(axes, body, self.state[None, list(d.reads(True))], maps.INK)
-        maps.position(axes, d.place(self.state), d.place(moved))
+        maps.position(axes, d.place(self.state)[:2], d.place(moved)[:2])
         axes.set_title(f"{maps.literal(self.space.scene.name)} at {self.time:.2f} s", fontsize=10)
         return axes
 

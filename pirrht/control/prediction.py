@@ -13,7 +13,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.settings import TUNING, ControlTuning
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.obstacle import Motion, Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.in_time import InTime
@@ -47,7 +47,7 @@ class ConstantVelocity:
         self.vertices = vertices
         self.tuning = tuning
 
-        self.horizon = tuning.crossings * float(np.hypot(*(space.scene.upper - space.scene.lower))) / steering.pace
+        self.horizon = tuning.crossings * float(np.hypot.reduce(space.scene.upper - space.scene.lower)) / steering.pace
         self._passages: Passages | None = None
         self._shapes: FreeSpace | None = None
         self._last: Prediction | None = None
@@ -60,7 +60,8 @@ class ConstantVelocity:
         """Return the prediction for a robot at x (n,) that has seen all until `seen` [s]; trees grow until `enough`."""
         if self._last is None or not self._holds(self._last, seen):
             movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
-            start = np.array([x[0], x[1], self.space.scene.start[2]])
+            place = x[: self.space.scene.dimension]
+            start = np.append(place, self.space.scene.start[len(place) :])
             if self._shapes is None:
                 self._shapes = self.space.with_movers(movers)  # FCL's of its own: a run queries the scene's
             space = replace(self._shapes, scene=replace(self.space.scene, start=start)).with_prediction(movers)
@@ -92,16 +93,14 @@ class ConstantVelocity:
 
 def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
     """Return an obstacle of constant velocity from a time on, up to the horizon [s], on a clock that starts then."""
-    pose = np.array(mover.motion.pose_at(time))
-    return replace(
-        mover, motion=Motion(rows=np.array([[0.0, *pose], [horizon, *(pose + horizon * mover.motion.velocity(time))]]))
-    )
+    return replace(mover, motion=mover.motion.straight_on(time, horizon))
 
 
 def favourite_path(plan: Plan) -> Array | None:
-    """Return the path of a plan's favourite, (k, 3) [m, m, s] on the clock of the run; None if it has none."""
+    """Return the path of a plan's favourite, (k, d + 1) [m, s] on the clock of the run; None if it has none."""
     chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
     if chosen is None:
         return None
     path, times = chosen.trajectory.path, plan.time + np.append(0.0, np.cumsum(chosen.trajectory.durations))
-    return np.column_stack([np.vstack([path.tails[:, :2], path.heads[-1:, :2]]), times])
+    d = chosen.trajectory.points.shape[1]
+    return np.column_stack([np.vstack([path.tails[:, :d], path.heads[-1:, :d]]), times])

@@ -19,8 +19,9 @@ def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuni
     if tree is None or not tree.steering.timed:
         return
     here = tree.at(x, time)
-    origin = np.array([*tree.space.scene.start[:2], 0.0]) if tree.origin is None else tree.origin
-    if np.hypot(*(here[:2] - origin[:2])) > tree.space.scene.robot_radius or abs(here[2] - origin[2]) > tuning.elsewhen:
+    scene, d = tree.space.scene, tree.space.scene.dimension
+    origin = np.array([*scene.place, 0.0]) if tree.origin is None else tree.origin
+    if np.hypot.reduce(here[:d] - origin[:d]) > scene.robot_radius or abs(here[d] - origin[d]) > tuning.elsewhen:
         tree.aim(here)
         tree.grow(tree.size + tuning.regrowth)
 

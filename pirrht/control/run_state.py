@@ -189,7 +189,7 @@ class Route:
     path: Driven  # driven so far, which gives classes their names
     movers: tuple[Mover, ...]  # moving obstacles as predicted, on the run's clock
     prediction: Prediction | None = None  # of moving obstacles; None: their motions are known
-    favourite: Array | None = None  # path ahead of the last plan's favourite, (k, 3) [m, m, s] on the run's clock
+    favourite: Array | None = None  # path ahead of the last plan's favourite, (k, d + 1) [m, s] on the run's clock
 
     @property
     def since(self) -> float:
@@ -209,8 +209,9 @@ class Route:
 
         if before is not None:
             if self.favourite is not None:
-                path = np.vstack([path, self.favourite[self.favourite[:, 2] > time]])
-            turns = [one.homology.winding(path - [0.0, 0.0, one.since]) for one in (before, after)]
+                path = np.vstack([path, self.favourite[self.favourite[:, -1] > time]])
+            clock = np.eye(path.shape[1])[-1]
+            turns = [one.homology.winding(path - one.since * clock) for one in (before, after)]
             offset = np.array(self.path.winding()) + turns[0] - turns[1]
         self.prediction = after
         self.homology = after.homology

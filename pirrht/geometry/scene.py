@@ -204,10 +204,13 @@ class Scene:
         if len(self.goal.center) != self.dimension:
             center = formatting.exact(self.goal.center)
             raise SceneError(f"{self.name}: the goal center is {center}; it must be {AXES[self.dimension]}")
-        if self.dimension == 3 and not (self.footprint.is_disc and not self.movers and not self.narrow):
-            raise SceneError(
-                f"{self.name}: a robot in space is a ball, and obstacles that move or waive margin are planar"
-            )
+        in_space = self.dimension == 3
+        if in_space and not (self.footprint.is_disc and not self.narrow):
+            raise SceneError(f"{self.name}: a robot in space is a ball, and obstacles that waive margin are planar")
+        for mover in self.movers:
+            if mover.motion.in_space != in_space:
+                row = "t, x, y, z and a quaternion w, x, y, z" if in_space else "t, x, y and a yaw"
+                raise SceneError(f"{self.name}: rows of the motion of {mover.name} must be {row} here")
 
     @classmethod
     def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[SceneTask]) -> "Scene":

@@ -30,7 +30,9 @@ from pirrht.geometry.space import Space
 from pirrht.jit.jit import inlined
 
 Pose = tuple[float, ...]
-WALL = 6  # numbers of a moving wall: clearance [m], direction away (x, y, heading), velocity there (x, y) [m/s]
+# Numbers of a moving wall: clearance [m], direction away (x, y, heading; in space x, y, z), velocity there (x, y; z too
+# in space) [m/s].
+WALL = 7
 
 
 class MovingKernels(NamedTuple):
@@ -55,9 +57,10 @@ class MovingKernels(NamedTuple):
     # turns [rad], meets one, or NEVER; a share `stop` is judged.
     sweep: Any
     clearance: Any  # (moving, pose, t): clearance from the nearest [m]
-    # (moving, (ax, ay, s, bx, by, t), heading): FREE, BLOCKED or UNSURE for a straight step from a at s to b at t
+    # (moving, (ax, ay, s, bx, by, t), heading): FREE, BLOCKED or UNSURE for a straight step from a at s to b at t; with
+    # az and bz in space
     certify: Any
-    certify_turn: Any  # (moving, pose, angle, t): the same for a turn on the spot at a time
+    certify_turn: Any  # (moving, pose, angle, t): the same for a turn on the spot at a time; None without a heading
 
 
 @inlined

@@ -7,7 +7,7 @@ pieces decide whether an obstacle passes over the robot. A motion that starts ov
 distances say nothing afterwards, and nothing is between.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import repeat
 from math import cos, hypot, inf, remainder, sin, tau
@@ -18,12 +18,10 @@ from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import SHORTEST, Collision, touches
 from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.hulls import HullCollision
-from pirrht.geometry.obstacle import Motion, Mover, Obstacle
+from pirrht.geometry.obstacle import Motion, Mover, Obstacle, rotation_of
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.tuning import TUNING as GEOMETRY
-
-NOWHERE = np.full(2, np.inf)
 
 
 class Body:
@@ -31,16 +29,17 @@ class Body:
 
     def __init__(self, mover: Mover, footprint: Footprint, shape: Collision | None = None) -> None:
         kind = Collision if footprint.is_disc else HullCollision
-        self.shape = shape or kind(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint)
-        self._reach = 0.0 if footprint.is_disc else footprint.reach  # of what a turn moves [m]
         motion = mover.motion
+        far = np.full(3 if motion.in_space else 2, np.inf)
+        self.shape = shape or kind(Workspace(-far, far, mover.solids), footprint)
+        self._reach = _reach(mover, footprint)
         self._lap = (
             motion if not motion.repeat and motion.offset == 0.0 else Motion(rows=motion.rows)
         )  # once from the first row to the last
         self._offset = motion.offset
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
         self._times: list[float] = motion.rows[:, 0].tolist()
-        radius = radius_of(mover.solids)
+        radius = radius_of(mover.solids, len(far))
         travelled = np.cumsum(travels(motion, radius))  # to each row but the first [m]
         self._travelled: list[float] = [0.0, *travelled.tolist()]
         self.speed = speed_bound(motion, radius)
@@ -102,7 +101,7 @@ class MovingObstacles:
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint, shapes: Sequence[Collision] = ()) -> None:
         self.footprint = footprint
-        self._reach = 0.0 if footprint.is_disc else footprint.reach  # of what a turn moves [m]
+        self._reach = max((_reach(mover, footprint) for mover in movers), default=0.0)
         known = shapes or repeat(None, len(movers))
         self._bodies = [Body(mover, footprint, shape) for mover, shape in zip(movers, known, strict=True)]
         self._speeds = np.array([body.speed for body in self._bodies])
@@ -167,14 +166,21 @@ class MovingObstacles:
         return np.where((holds <= time) & (time < ends), free - away - self._speeds * np.abs(time - when), -inf)
 
 
+def _reach(mover: Mover, footprint: Footprint) -> float:
+    """Return how far the third number of a pose moves any point of the robot at most: a heading, or in space z."""
+    return 1.0 if mover.motion.in_space else 0.0 if footprint.is_disc else footprint.reach
+
+
 def _whole(pose: Array) -> tuple[float, float, float]:
     """Return x, y [m] and heading [rad] of a pose (2,) or (3,)."""
     x, y, *heading = pose.tolist()
     return x, y, heading[0] if heading else 0.0
 
 
-def _seen(pose: Array, body: Iterable[float]) -> Array:
-    """Return a pose (2,) or (3,) in the frame of a body at x, y [m] and a yaw [rad], (1, 2) or (1, 3)."""
+def _seen(pose: Array, body: Sequence[float]) -> Array:
+    """Return a pose (2,) or (3,) in the frame of a body, whose own is x, y [m] and a yaw [rad], or one in space."""
+    if len(body) > 3:
+        return np.asarray((pose - body[:3])[None] @ rotation_of(body))
     x, y, *heading = pose.tolist()
     body_x, body_y, yaw = body
 
@@ -186,15 +192,18 @@ def _seen(pose: Array, body: Iterable[float]) -> Array:
 
 
 @lru_cache(maxsize=GEOMETRY.shapes)  # obstacles keep their solids when their motions are predicted again
-def radius_of(solids: tuple[Obstacle, ...]) -> float:
-    """Return how far an obstacle's solids extend from its origin, seen from above, at most [m]."""
+def radius_of(solids: tuple[Obstacle, ...], d: int = 2) -> float:
+    """Return how far an obstacle's solids extend from its origin at most, seen from above or in `d` = 3 axes [m]."""
     every = Solids.of(solids)
-    far = np.maximum(np.abs(every.low[:, :2]), np.abs(every.high[:, :2]))
-    return float(np.hypot(*far.T).max(initial=0.0))
+    far = np.maximum(np.abs(every.low[:, :d]), np.abs(every.high[:, :d]))
+    return float(np.hypot.reduce(far, axis=1).max(initial=0.0))
 
 
 def travels(motion: Motion, radius: float) -> Array:
     """Bound how far any point of an obstacle of a radius [m] goes between rows, (k - 1,) [m]."""
+    if motion.in_space:
+        way, turn = np.linalg.norm(motion.rates[:-1].reshape(-1, 2, 3), axis=2).T
+        return np.asarray(np.diff(motion.rows[:, 0]) * (way + radius * turn))
     steps = motion.rows[1:] - motion.rows[:-1]
     return np.asarray(np.hypot(steps[:, 1], steps[:, 2]) + np.abs(steps[:, 3]) * radius)
 
@@ -207,5 +216,8 @@ def speed_bound(motion: Motion, radius: float) -> float:
 
 def jumps(motion: Motion) -> bool:
     """Return whether a motion starts over elsewhere than it ends."""
-    x, y, yaw = motion.rows[-1, 1:] - motion.rows[0, 1:]
+    off = motion.rows[-1, 1:] - motion.rows[0, 1:]
+    if motion.in_space:
+        return motion.repeat and float(np.abs(off).max()) > SHORTEST
+    x, y, yaw = off
     return motion.repeat and max(hypot(x, y), abs(remainder(yaw, tau))) > SHORTEST

@@ -36,8 +36,8 @@ def fastest_of(moving, j):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
-    """Return x, y [m] and yaw [rad] of obstacle j at t [s], their rates [1/s], and until when they hold from then."""
+def row_of(moving, j, t, width):  # type: ignore[no-untyped-def]
+    """Return the row of obstacle j that begins its piece at t [s], the first after it, the last, and the rows' time."""
     begin = load_int64(moving.parts, PARTS * j)
     end = load_int64(moving.parts, PARTS * j + 1)
     lead, period = clock_of(moving, j)
@@ -47,7 +47,14 @@ def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
     low, high = begin, end  # the row that begins the piece is from low on and before high
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if load_float64(moving.rows, ROW * middle) <= now else (low, middle)
+        low, high = (middle, high) if load_float64(moving.rows, width * middle) <= now else (low, middle)
+    return low, high, end, now
+
+
+@inlined
+def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
+    """Return x, y [m] and yaw [rad] of obstacle j at t [s], their rates [1/s], and until when they hold from then."""
+    low, high, end, now = row_of(moving, j, t, ROW)
     at = moving.rows + 8 * ROW * low
 
     past = now - load_float64(at, 0)
@@ -84,13 +91,13 @@ def outside_of(moving, j, ox, oy, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _in_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
-    """Return a place (u, v) [m] of an obstacle's frame, at the height of the robot, in the frame of its solid k [m]."""
+def in_solid(moving, k, u, v, w):  # type: ignore[no-untyped-def]
+    """Return a place (u, v, w) [m] of an obstacle's frame in the frame of its solid k [m]."""
     at = moving.solid + 8 * SOLID * k
 
     dx = u - load_float64(at, 3)
     dy = v - load_float64(at, 4)
-    dz = moving.height - load_float64(at, 5)
+    dz = w - load_float64(at, 5)
 
     return (
         load_float64(at, 6) * dx + load_float64(at, 9) * dy + load_float64(at, 12) * dz,
@@ -106,7 +113,7 @@ def clearance_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
     if form < 0:
         return _in_table(moving, k, u, v)[0] - moving.robot
     at = moving.solid + 8 * SOLID * k
-    x, y, z = _in_solid(moving, k, u, v)
+    x, y, z = in_solid(moving, k, u, v, moving.height)
     return (
         max(outside(form, load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), x, y, z), 0.0) - moving.robot
     )
@@ -162,7 +169,7 @@ def offset_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
     b = load_float64(at, 1)
     c = load_float64(at, 2)
 
-    x, y, z = _in_solid(moving, k, u, v)
+    x, y, z = in_solid(moving, k, u, v, moving.height)
     d = max(outside(form, a, b, c, x, y, z), 0.0)
     if d <= 0.0:
         return 0.0, 0.0, 0.0, 0.0

@@ -224,6 +224,24 @@ def _behind(moving, j, near, here, there, dt, c, d, length):  # type: ignore[no-
 
 
 @part
+def met(alive, way, weighed, state):  # type: ignore[no-untyped-def]
+    """Draw whether a step meets what it misses with a probability, and when: what `MovingKernels.bridge` returns.
+
+    `way` are clearances before and after it [m] from what it misses least surely, and the variance towards that.
+    """
+    if alive >= 1.0:
+        return state, NEVER, 0.0
+    if weighed and alive > 0.0:
+        return state, NEVER, math.log(alive)
+    state, u = uniform(state)
+    if u < alive:
+        return state, NEVER, 0.0
+    c, d, variance = way
+    state, share = first_crossing(max(c, MIN_VARIANCE), d, math.sqrt(variance), state)
+    return state, share, 0.0
+
+
+@part
 def bridge(moving, notes, step, t, dt, cov, rule, state, out):  # type: ignore[no-untyped-def]
     """Find which obstacle a noisy step meets and when: `MovingKernels.bridge`."""
     (before, after), (most, weighed) = step, rule
@@ -255,16 +273,10 @@ def bridge(moving, notes, step, t, dt, cov, rule, state, out):  # type: ignore[n
             from_ = c
             to = d
             variance = towards
-    if alive >= 1.0:
-        return state, NEVER, 0.0
-    if weighed and alive > 0.0:
-        return state, NEVER, math.log(alive)
-    state, u = uniform(state)
-    if u < alive:
-        return state, NEVER, 0.0
-    copy_row(notes.near[which], out[0])
-    state, share = first_crossing(max(from_, MIN_VARIANCE), to, math.sqrt(variance), state)
-    return state, share, 0.0
+    state, share, lasting = met(alive, (from_, to, variance), weighed, state)
+    if share <= 1.0:
+        copy_row(notes.near[which], out[0])
+    return state, share, lasting
 
 
 @borrowing

@@ -96,9 +96,9 @@ class MovingObstacleArrays(Held, ObstacleNumbers):
         return float(moving_clearance(self, pose, t))
 
     def walls(self, pose: Pose, t: float, within: float) -> Array:
-        """Return clearance [m], direction away and velocity (x, y) [m/s] of those `within` [m] of a pose, (k, WALL)."""
+        """Return clearance [m], direction away and velocity (x, y) [m/s] of those `within` [m] of a pose, (k, 6)."""
         out = np.empty((self.J, WALL))
-        return out[: walls_at(self, pose, t, within, out)]
+        return out[: walls_at(self, pose, t, within, out), :-1]
 
     def distance(self, pose: Array, t: float) -> float:
         """Return the exact clearance of a pose (2,) or (3,) [m, m, rad] at t [s], [m]."""

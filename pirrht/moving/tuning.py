@@ -24,6 +24,7 @@ class RowWidths(NamedTuple):
     # elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
     parts: int = 4  # where its rows begin and end, and its solids
     row: int = 7  # t [s], x, y [m], yaw [rad], and the rates of these until the next row [1/s]
+    piece: int = 14  # in space t [s], place [m], quaternion (w, x, y, z), and velocity and turns until the next row
     solid: int = 15  # MuJoCo's sizes, place in the obstacle's frame, and axes there as columns, row by row
     table: int = 4  # form or -1, where its lattice begins in the table, and how many points that has along x and y
     # A wall (`geometry.world`), pose [m], [rad] and its rates, from when and until when these hold [s], cosine and sine
@@ -34,4 +35,4 @@ class RowWidths(NamedTuple):
 
 
 TUNING = MovingTuning()
-BODY, PARTS, ROW, SOLID, TABLE, POSED, LISTING = RowWidths()
+BODY, PARTS, ROW, PIECE, SOLID, TABLE, POSED, LISTING = RowWidths()

@@ -160,13 +160,14 @@ class ReferenceQuery(NamedTuple):
     def _optima(self, x: Array, edges: Edges, rows: Any) -> list[Any]:
         """Paths of a class, each apart from all cheaper ones: they may end in different local optima."""
         rows = rows[rows["cost"] <= (1.0 + TUNING.optima_excess) * rows["cost"][0]]
-        far = TUNING.optima_apart * float(np.hypot(*(x[:2] - self.tree.space.scene.goal.center)))
+        goal = self.tree.space.scene.goal.center
+        far = TUNING.optima_apart * float(np.hypot.reduce(x[: len(goal)] - goal))
         paths = [self._path(x, edges, row) for row in rows[:: 1 + len(rows) // TUNING.optima_tried]]
-        times = np.linspace(x[2], paths[0].knots[-1, 2], TUNING.stations)
+        times = np.linspace(x[len(goal)], paths[0].knots[-1, -1], TUNING.stations)
         chosen: list[tuple[Any, Array]] = []
         for path in paths:
-            places = np.column_stack([np.interp(times, path.knots[:, 2], axis) for axis in path.knots.T[:2]])
-            if all(np.hypot(*(places - other).T).max() > far for _, other in chosen):
+            places = path.places(times)
+            if all(np.hypot.reduce(places - other, axis=1).max() > far for _, other in chosen):
                 chosen.append((path, places))
         return [path for path, _ in chosen[: TUNING.optima]]
 

@@ -263,6 +263,8 @@ class HomologyTree:
 
     def too_fast(self, x: Array) -> bool:
         """Return whether a state (n,) of the system that has no reference would have one at rest."""
+        if self.steering.timed:  # vertices have no speed
+            return False
         x = self.steering.vertex_of(x)
         rest = self.steering.at_rest(x)
         return not np.array_equal(rest, x) and bool(self.lengths(rest))

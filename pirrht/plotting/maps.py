@@ -62,7 +62,7 @@ def draw(axes: Any, scene: Scene, time: float = 0.0, seen: tuple[int, int] = (0,
         axes.add_patch(
             Polygon(outline(obstacle, seen), closed=True, fc=WALL, ec="none", alpha=None if solid else 0.55, zorder=3)
         )
-    bodies(axes, scene.movers, time)
+    bodies(axes, scene.movers, time, seen=seen)
     axes.add_patch(Circle(tuple(scene.goal.center[pick]), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
     style = {"fc": "none", "ec": INK, "lw": 1.2, "zorder": 5}
     if scene.footprint.is_disc:
@@ -89,7 +89,7 @@ def classes(
     """Draw one `Trajectory` per class, side by side where they coincide, and a robot with corners along them."""
     per_point = float(np.ptp(axes.get_xlim())) / (72.0 * axes.get_window_extent().width / axes.figure.dpi)
     for place, (line, label, color) in enumerate(
-        zip(side_by_side([path.points for path in paths], TUNING.line * per_point), labels, colors, strict=True)
+        zip(side_by_side([path.points[:, :2] for path in paths], TUNING.line * per_point), labels, colors, strict=True)
     ):
         axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=TUNING.line, zorder=4.0 - 1e-3 * place)
     for path, color in zip(paths, colors, strict=True):
@@ -115,18 +115,20 @@ def tags(axes: Any, places: Iterable[Array], texts: Sequence[str]) -> None:
         axes.text(x, y, literal(text), path_effects=[withStroke(linewidth=1.8, foreground=WALL)], **style)
 
 
-def solids(axes: Any, drawn: Sequence[Obstacle], **style: Any) -> None:
-    """Draw solids seen from above, with the style of a patch."""
+def solids(axes: Any, drawn: Sequence[Obstacle], seen: tuple[int, int] = (0, 1), **style: Any) -> None:
+    """Draw solids seen from above, or as two axes show them, with the style of a patch."""
     from matplotlib.patches import Polygon
 
     for solid in drawn:
-        axes.add_patch(Polygon(outline(solid), closed=True, **style))
+        axes.add_patch(Polygon(outline(solid, seen), closed=True, **style))
 
 
-def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0) -> None:
+def bodies(
+    axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0, seen: tuple[int, int] = (0, 1)
+) -> None:  # fmt: skip
     """Draw moving obstacles at a time [s]."""
     for mover in movers:
-        solids(axes, mover.at(time), fc=MOVER, ec="none", alpha=0.7, zorder=zorder)
+        solids(axes, mover.at(time), seen, fc=MOVER, ec="none", alpha=0.7, zorder=zorder)
 
 
 def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
@@ -135,10 +137,12 @@ def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float 
         outlined(axes, mover, [(time + after, strength) for after, strength in fading(mover, time)], zorder=zorder)
 
 
-def outlined(axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *, zorder: float) -> None:
+def outlined(
+    axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *, zorder: float, seen: tuple[int, int] = (0, 1)
+) -> None:  # fmt: skip
     """Outline a moving obstacle at times [s], each with its opacity."""
     for time, alpha in moments:
-        solids(axes, mover.at(time), fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=zorder)
+        solids(axes, mover.at(time), seen, fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=zorder)
 
 
 def position(axes: Any, place: Array, moved: Array) -> None:

@@ -191,7 +191,7 @@ class FlatWalls(NamedTuple):
     """The two walls nearest to a point at the moment of a plan, which bias the mean of its control over a time."""
 
     drift: WallDrift
-    x: Array  # (2,) [m]
+    x: Array  # (d,) [m]
     span: float  # over which the mean is taken [s]
 
     def missing(self, mean: Array) -> Array:
@@ -199,7 +199,7 @@ class FlatWalls(NamedTuple):
         now = self.drift.walls(self.x)
         then = self.drift.walls(self.x, TUNING.wall_step)
 
-        slope = np.zeros(2)
+        slope = np.zeros(self.drift.static.kernels.position)
         velocity = self.drift.gains(self.x) @ mean
         B = self.drift.problem.dynamics.B_c(self.x)
 

@@ -36,7 +36,7 @@ def ended_for(kind: KernelSpec) -> Any:
         dy = scratch.moved[1] - x[1] - f[1] * dt
 
         if moving and moving_wall:  # at its distance then
-            gap, ux, uy, _, vx, vy = scratch.walls[0]
+            gap, ux, uy, _, vx, vy, _ = scratch.walls[0]
             met = max(gap, 0.0) - share * dt * ((vx - f[0]) * ux + (vy - f[1]) * uy), -ux, -uy
         else:
             met = towards_exit(arena, pose(x), exit)
@@ -51,10 +51,15 @@ def ended_for(kind: KernelSpec) -> Any:
         return state, dt * share
 
     @part
-    def as_ball(scratch, arena, dt, exit, share, variance, state):  # type: ignore[no-untyped-def]
+    def as_ball(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
         """End a step in space whose noise is its displacement."""
         x, f, B = scratch.x, scratch.f, scratch.B
-        met = towards_exit(arena, pose(x), exit)
+        if moving and moving_wall:
+            gap, ux, uy, uz, vx, vy, vz = scratch.walls[0]
+            nears = (vx - f[0]) * ux + (vy - f[1]) * uy + (vz - f[2]) * uz
+            met = max(gap, 0.0) - share * dt * nears, -ux, -uy, -uz
+        else:
+            met = towards_exit(arena, pose(x), exit)
         end = (
             scratch.moved[0] - x[0] - f[0] * dt, scratch.moved[1] - x[1] - f[1] * dt,
             scratch.moved[2] - x[2] - f[2] * dt,
@@ -99,7 +104,7 @@ def ended_for(kind: KernelSpec) -> Any:
         if in_space:
             xx, xy, xz, yy, yz, zz = rates
             equal = isotropic and xy == 0.0 and xz == 0.0 and yz == 0.0 and xx == yy and yy == zz
-            return as_ball(scratch, arena, dt, exit, share, xx * dt, state) if equal else (state, dt)
+            return as_ball(scratch, arena, dt, exit, share, xx * dt, moving_wall, state) if equal else (state, dt)
         xx, xy, yy = flat(rates)
         if isotropic and xy * dt == 0.0 and xx * dt == yy * dt:
             return as_point(scratch, arena, dt, exit, share, xx * dt, moving_wall, state)

@@ -247,7 +247,9 @@ class Path:
         if s < led:
             return np.asarray(np.clip(law.mean[s] + away[s] @ law.gains[s], -law.steepest[s], law.steepest[s]))
         home, goal = np.zeros(self.kind.modes), (self.world.goal, self.world.radius)
-        self.kind.homing(self.x, self.d.parameters, self.d.B_c(self.x), *goal, self.setup.least_rate, home)
+        self.kind.homing(
+            self.x, self.d.parameters, self.d.B_c(self.x), *goal, self.setup.least_rate, home[: self.kind.m]
+        )
         return home
 
     def shaped(self, g: int) -> bool:
@@ -360,8 +362,8 @@ class Path:
         if self.kind.traits.point and np.array_equal(cov, variance * np.eye(len(cov))):
             met = self.space.exit(self.world, here, self.outcome)
             if wall:
-                gap, n, v = self.near[0, 0], self.near[0, 1:3], self.near[0, 4:]
-                met = (max(gap, 0.0) - share * self.dt * float((v - self.f) @ n), *(-n).tolist())
+                n, v = (self.near[0, k : k + len(cov)] for k in (1, 4))
+                met = (max(self.near[0, 0], 0.0) - share * self.dt * float((v - self.f) @ n), *(-n).tolist())
             radius = self.world.radius if self.outcome == GOAL else 0.0
             beyond = tuple((self.moved - self.x - drift).tolist())
             crossing = at_crossing if len(beyond) == 2 else at_crossing_in_space

@@ -2,11 +2,12 @@
 
 Vertices are x, y [m] and t [s] on a tree's clock, joined by legs: straight lines at a constant speed, forward in time,
 that cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and the best speed there is sqrt(2 q / r).
-A robot that is no disc has vertices with a heading, too.
+A robot that is no disc has vertices with a heading, too; one in space x, y, z and t.
 """
 
 import math
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,19 @@ from pirrht.jit.jit import inlined
 from pirrht.problem import Problem
 from pirrht.steering import relaxation
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.legs import LEGS, connect, connect_turning, cost_and_duration, turned_legs, turning_cost
+from pirrht.steering.legs import (
+    LEGS,
+    LEGS_IN_SPACE,
+    connect,
+    connect_in_space,
+    connect_turning,
+    cost_and_duration,
+    cost_in_space,
+    turned_legs,
+    turning_cost,
+)  # fmt: skip
 from pirrht.steering.motion import Legs
+from pirrht.steering.pieces import InSpace, TrackedInSpace, in_ball
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.straight_line import Tracked, velocity_at
 from pirrht.steering.tuning import TUNING
@@ -45,6 +57,7 @@ class InTime(CompiledSteering):
     read: tuple[int, ...] = ()  # index of the state of such a system that is its heading, where that counts
 
     n = 3
+    d = 2  # numbers of a place
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
     timed = True
     motion = LEGS
@@ -64,9 +77,11 @@ class InTime(CompiledSteering):
         """
         d = problem.dynamics
         R = problem.control_cost(np.zeros(d.n))
+        in_space = problem.scene.dimension == 3
+        cls = FlyInTime if in_space else cls
         if d.control_kind == "velocity" and np.allclose(R, R[0, 0] * np.eye(len(R))):
             return cls(q=problem.least_rate, r=float(R[0, 0]), speed=speed)
-        lines = Tracked.of(problem, pace)
+        lines = (TrackedInSpace if in_space else Tracked).of(problem, pace)
         q = 0.5 * lines.cost_per_meter * lines.pace
         known: dict[str, Any] = {"q": q, "r": 2.0 * q / lines.pace**2, "speed": speed, "m": d.m, "slack": lines.slack}
         if problem.scene.footprint.is_disc:
@@ -111,72 +126,77 @@ class InTime(CompiledSteering):
 
     def at(self, x: Array, time: float) -> Array:
         """Place and time [m, m, s], and heading [rad] where that counts, of a system's state x (n,) at a time [s]."""
-        return np.array([x[0], x[1], time, *x[list(self.read)]])
+        return np.array([*x[: self.d], time, *x[list(self.read)]])
 
     def vertex_of(self, x: Array) -> Array:
         """Place, time [m, m, s] and any heading [rad] of states that begin with them; OptionError if there are none."""
         if np.shape(x)[-1] < self.n:
-            what = "x, y and t" if self.n == 3 else "x, y, t and a heading"
+            what = "x, y, z and t" if self.d == 3 else "x, y and t" if self.n == 3 else "x, y, t and a heading"
             raise OptionError(f"a state among moving obstacles is {what}; this one has {np.shape(x)[-1]} numbers")
         return np.ascontiguousarray(x[..., : self.n], dtype=float)
 
     def roots(self, goal: Array) -> Array:
-        """The goal point (2,) [m] at any time, (1, 3)."""
+        """The goal point (d,) [m] at any time, (1, d + 1)."""
         return np.array([[*goal, np.nan]])
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A place and a time (3,) [m, m, s], uniform in the workspace and the horizon."""
+        """A place and a time (d + 1,) [m, s], uniform in the workspace and the horizon."""
         return np.array([*rng.uniform(scene.lower, scene.upper), rng.random() * self.horizon(scene)])
 
     def draws(
         self, space: FreeSpace, rng: np.random.Generator, count: int, origin: Array | None = None,
         goal_share: float = 0.0,
     ) -> Array:  # fmt: skip
-        """Draw places and times (count, 3) [m, m, s] of use to a robot at an origin (3,); None: the start, at 0.
+        """Draw places and times (count, d + 1) [m, s] of use to a robot at an origin (d + 1,); None: the start, at 0.
 
         A path over most of them costs at most a random multiple of the unhindered path (an informed set); the others
         are uniform in the workspace and the horizon. A `goal_share` of all is moved into the goal's disc.
         """
         scene = space.scene
         horizon = self.horizon(space.scene)
-        begun = _origin(space.scene, origin)
+        begun, d = _origin(space.scene, origin), self.d
 
-        chances = rng.random((count, 9 + 3 * TUNING.tries))  # a row for each: equal in parts and at once
-        tried = chances[:, 9:].reshape(count, TUNING.tries, 3)
+        chances = rng.random((count, 5 + 2 * d + (d + 1) * TUNING.tries))  # a row for each: equal in parts and at once
+        tried = chances[:, 5 + 2 * d :].reshape(count, TUNING.tries, d + 1)
         span = scene.upper - scene.lower
 
-        tried[..., :2] = scene.lower + span * tried[..., :2]
+        tried[..., :d] = scene.lower + span * tried[..., :d]
         excess = TUNING.excess * chances[:, 2] / np.maximum(1.0 - chances[:, 2], 1e-3)
-        most = ((1.0 + excess) * self.cost_per_meter * math.dist(scene.goal.center, begun[:2]))[:, None]
-        soonest = np.hypot(*(tried[..., :2] - begun[:2]).T).T / self.limit
-        tried[..., 2] *= np.maximum(np.minimum(most / self.q, horizon) - soonest, 0.0)
-        tried[..., 2] += begun[2] + soonest
-        serves = (self._through(tried, begun, scene) <= most) & ~scene.goal.contains(tried[..., :2])
-        out = np.column_stack([scene.lower + span * chances[:, 3:5], begun[2] + horizon * chances[:, 5]])
+        most = ((1.0 + excess) * self.cost_per_meter * math.dist(scene.goal.center, begun[:d]))[:, None]
+        soonest = _length(tried[..., :d] - begun[:d]) / self.limit
+        tried[..., d] *= np.maximum(np.minimum(most / self.q, horizon) - soonest, 0.0)
+        tried[..., d] += begun[d] + soonest
+        serves = (self._through(tried, begun, scene) <= most) & ~scene.goal.contains(tried[..., :d])
+        out = np.column_stack([scene.lower + span * chances[:, 3 : 3 + d], begun[d] + horizon * chances[:, 3 + d]])
         informed = (chances[:, 0] >= TUNING.uniform_share) & serves.any(axis=1)
         out[informed] = tried[informed, serves[informed].argmax(axis=1)]
 
-        inside = chances[:, 6] < goal_share
-        angle = 2.0 * np.pi * chances[:, 7:8]
-        disc = scene.goal.radius * np.sqrt(chances[:, 8:9]) * np.hstack([np.cos(angle), np.sin(angle)])
-        out[inside, :2] = scene.goal.center + disc[inside]
+        inside = chances[:, 4 + d] < goal_share
+        offset = self._in_goal(scene.goal.radius, chances[:, 5 + d : 5 + 2 * d])
+        out[inside, :d] = scene.goal.center + offset[inside]
         return self.headed(out, space, rng)
+
+    def _in_goal(self, radius: float, chances: Array) -> Array:
+        """Places (k, d) in a disc or ball of a radius [m] around 0, uniform as chances (k, d) are."""
+        angle = 2.0 * np.pi * chances[:, :1]
+        return np.asarray(radius * np.sqrt(chances[:, 1:2]) * np.hstack([np.cos(angle), np.sin(angle)]))
 
     def headed(self, states: Array, space: FreeSpace, rng: np.random.Generator) -> Array:
         """Complete states (k, 3) [m, m, s] by what else a vertex has; here nothing."""
         return states
 
     def _through(self, places: Array, begun: Array, scene: Scene) -> Array:
-        """Cost at least of a path from (3,) through places at times (..., 3) [m, m, s] to the goal point, (...,)."""
-        since = np.maximum(places[..., 2] - begun[2], 1e-9)
-        away, ahead = (np.hypot(*(places[..., :2] - end).T).T for end in (begun[:2], scene.goal.center))
+        """Cost at least of a path from (d + 1,) through places and times (..., d + 1) [m, s] to the goal, (...,)."""
+        d = self.d
+        since = np.maximum(places[..., d] - begun[d], 1e-9)
+        away, ahead = (_length(places[..., :d] - end) for end in (begun[:d], scene.goal.center))
         return np.asarray(self.q * since + 0.5 * self.r * away**2 / since + self.cost_per_meter * ahead)
 
     def horizon(self, scene: Scene) -> float:
         """Time for which draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
         motions = [mover.motion for mover in scene.movers]
         last = max((float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), default=0.0)
-        return max(last, 0.0) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
+        return max(last, 0.0) + float(np.hypot.reduce(scene.upper - scene.lower)) / self.pace
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
         """Places across and along passages at many times (l, 3) [m, m, s], free then: the cheapest."""
@@ -193,11 +213,15 @@ class InTime(CompiledSteering):
         )
         states = np.concatenate([np.repeat(places[..., None, :], len(paces), axis=-2), times[..., None]], axis=-1)
         states = self.headed(states.reshape(-1, 3), space, np.random.default_rng(0))
-        cost = self._through(states, begun, space.scene)
-        most = TUNING.passage_cost * self.cost_per_meter * math.dist(space.scene.goal.center, begun[:2])
+        return self._cheapest(states, begun, space)
+
+    def _cheapest(self, states: Array, begun: Array, space: FreeSpace) -> Array:
+        """Those of states (k, n), free then, by which a path from `begun` costs least (l, n)."""
+        cost, d = self._through(states, begun, space.scene), self.d
+        most = TUNING.passage_cost * self.cost_per_meter * math.dist(space.scene.goal.center, begun[:d])
         free = [
-            cost[i] <= most and space.moving.clearance((x, y, *heading), t) > 0.0
-            for i, (x, y, t, *heading) in enumerate(states.tolist())
+            cost[i] <= most and space.moving.clearance((*state[:d], *state[d + 1 :]), state[d]) > 0.0
+            for i, state in enumerate(states.tolist())
         ]
         return states[np.flatnonzero(free)[np.argsort(cost[free], kind="stable")][: TUNING.passage_states]]
 
@@ -243,9 +267,38 @@ class TurnInTime(InTime):
         return np.column_stack([states, poses[:, 2]])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlyInTime(InTime):
+    """Legs in space and time for a robot in space: x, y, z and t. Paths are shortened as chains of legs."""
+
+    n = 4
+    d = 3
+    cost = cost_in_space
+    optimum = connect_in_space
+    motion = LEGS_IN_SPACE
+    shorten = CompiledSteering.shorten
+    resume = CompiledSteering.resume
+
+    def _in_goal(self, radius: float, chances: Array) -> Array:
+        return in_ball(radius, chances)
+
+    def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
+        """Places in loops of obstacles (`InSpace.offers`) at many times (l, 4) [m, s], free then: the cheapest."""
+        begun = _origin(space.scene, origin)
+        places = InSpace().offers(passages, space)
+        after = np.divide.outer(np.linalg.norm(places - begun[:3], axis=1), self.pace * np.array(TUNING.passage_paces))
+        times = begun[3] + after.reshape(-1, 1)
+        return self._cheapest(np.hstack([np.repeat(places, after.shape[1], axis=0), times]), begun, space)
+
+
+def _length(ways: Array) -> Array:
+    """Lengths (...,) of ways (..., d), quickly for many [m]."""
+    return np.asarray(reduce(np.hypot, ways.T).T)
+
+
 def _origin(scene: Scene, origin: Array | None) -> Array:
-    """Return the robot's place and time, (3,) [m, m, s]; without one the start of a scene at 0."""
-    return np.array([*scene.start[:2], 0.0]) if origin is None else origin
+    """Return the robot's place and time, (d + 1,) [m, s]; without one the start of a scene at 0."""
+    return np.array([*scene.place, 0.0]) if origin is None else origin
 
 
 def homology_of(problem: Problem, space: FreeSpace) -> Signature:

@@ -12,6 +12,7 @@ import numpy as np
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import backwards, entry_of_piece, turns_of, wrapped
+from pirrht.geometry.pieces import apart, share_into_ball
 from pirrht.geometry.space import BLOCKED, FREE, SpaceKernels
 from pirrht.geometry.world import NOTHING_MOVES, Moving, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
@@ -60,8 +61,9 @@ def _entry(motions, i, around):  # type: ignore[no-untyped-def]
 
 @inlined
 def _cut(motions, i, share):  # type: ignore[no-untyped-def]
-    for k in range(3):
-        motions.path[i, 3 + k] = motions.path[i, k] + share * (motions.path[i, 3 + k] - motions.path[i, k])
+    half = motions.path.shape[1] // 2
+    for k in range(half):
+        motions.path[i, half + k] = motions.path[i, k] + share * (motions.path[i, half + k] - motions.path[i, k])
     motions.cost[i] *= share
 
 
@@ -80,23 +82,24 @@ def _pairs_of(classes: SignatureKernels) -> Any:
 
 def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
     """Sweep a capsule among static obstacles where that is not certain; moving ones have their own test."""
-    ax, ay, s, bx, by, t = motions.path[i].tolist()
-    a = np.array([ax, ay])
-    b = np.array([bx, by])
+    (*tail, s), (*head, t) = motions.path[i].reshape(2, -1).tolist()
+    a = np.array(tail)
+    b = np.array(head)
 
-    sure = space.static.kernels.certify_piece(space.static, (ax, ay), (bx, by), True) == FREE
+    sure = space.static.kernels.certify_piece(space.static, tuple(tail), tuple(head), True) == FREE
     return bool(sure or space.collision.segments_free(a[None], b[None])[0]) and not space.moving.meets(a, s, b, t)
 
 
 def _trajectory(steering: Any, path: Legs) -> Trajectory:
     """Make one control for each leg; waiting is no control for a while."""
-    step = path.path[:, 3:] - path.path[:, :3]
-    length = float(np.hypot(*step[:, :2].T).sum())
-    step = step[step[:, 2] > 0.0]
+    step = path.path[:, path.d + 1 :] - path.path[:, : path.d + 1]
+    length = float(np.hypot.reduce(step[:, :-1], axis=1).sum())
+    step = step[step[:, -1] > 0.0]
 
     return Trajectory(
-        controls=step[:, :2] / step[:, 2:], durations=step[:, 2], path=path, cost=float(path.cost.sum()), length=length
-    )
+        controls=step[:, :-1] / step[:, -1:], durations=step[:, -1], path=path, cost=float(path.cost.sum()),
+        length=length,
+    )  # fmt: skip
 
 
 _most = inlined(lambda motions: 1)
@@ -218,18 +221,23 @@ def turned_legs(reverses: bool) -> MotionKind:
 
 
 @inlined
-def cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
-    """Cost and duration of a leg; the time of its end may be open."""
+def timed_cost(square, begin, end, numbers):  # type: ignore[no-untyped-def]
+    """Cost and duration of a leg by the square of its length [m^2] and both times [s], of which the end may be open."""
     q, r, speed, pace = numbers
-    dx = head[0] - tail[0]
-    dy = head[1] - tail[1]
-    square = dx * dx + dy * dy
-    dt = math.sqrt(square) / pace if math.isnan(head[2]) else head[2] - tail[2]
-    if math.isnan(tail[2]) or not dt >= 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
+    dt = math.sqrt(square) / pace if math.isnan(end) else end - begin
+    if math.isnan(begin) or not dt >= 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
         return np.inf, 0.0
     if dt == 0.0:
-        return (0.0 if math.isnan(head[2]) else np.inf), 0.0
+        return (0.0 if math.isnan(end) else np.inf), 0.0
     return q * dt + 0.5 * r * square / dt, dt
+
+
+@inlined
+def cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
+    """Cost and duration of a leg; the time of its end may be open."""
+    dx = head[0] - tail[0]
+    dy = head[1] - tail[1]
+    return timed_cost(dx * dx + dy * dy, tail[2], head[2], numbers)
 
 
 @kernel
@@ -272,3 +280,74 @@ def connect_turning(tails, heads, numbers):  # type: ignore[no-untyped-def]
     for i in range(tails.shape[0]):
         legs.cost[i] = turning_cost(as_tuple(tails[i], 4), as_tuple(heads[i], 4), numbers, np.inf)
     return Legs(legs.path, legs.cost, tails, heads.copy())
+
+
+@inlined
+def _ends_in_space(motions, i):  # type: ignore[no-untyped-def]
+    p = motions.path
+    return (p[i, 0], p[i, 1], p[i, 2]), p[i, 3], (p[i, 4], p[i, 5], p[i, 6]), p[i, 7]
+
+
+@inlined
+def _entry_in_space(motions, i, around):  # type: ignore[no-untyped-def]
+    a, _, b, _ = _ends_in_space(motions, i)
+    return share_into_ball(a, b, around.goal, around.goal_radius)
+
+
+@inlined
+def _between_in_space(motions, i, share, out):  # type: ignore[no-untyped-def]
+    """Write place and time on a leg, which are the whole state of a vertex."""
+    for k in range(out.shape[0]):
+        out[k] = motions.path[i, k] + share * (motions.path[i, out.shape[0] + k] - motions.path[i, k])
+    return True
+
+
+@cache
+def _judges_in_space(space: SpaceKernels, moving: MovingKernels | None, classes: SignatureKernels) -> tuple[Any, Any]:
+    """Build the kernels that certify legs in space and that count their turns, by kernels of a ball and a signature."""
+    among, certify_among = moving is not None, (moving or NOTHING_MOVES).certify
+    certify_piece, crossings = space.certify_piece, classes.crossings
+
+    @kernel
+    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+        a, s, b, t = _ends_in_space(motions, i)
+        verdict = certify_piece(around.static, a, b, True)
+        return (
+            min(verdict, certify_among(around.traffic, (*a, s, *b, t), 0.0))
+            if among and verdict != BLOCKED
+            else verdict
+        )
+
+    @kernel
+    def pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+        a, s, b, t = _ends_in_space(motions, i)
+        return crossings(around.classes, (*a, s), (*b, t), to_goal, marker, turn, count)
+
+    return certify, pairs
+
+
+def _kernels_in_space(around: Surroundings) -> MotionKernels:
+    certify, pairs = _judges_in_space(around.static.kernels, around.traffic.kernels, around.classes.kernels)
+    return MotionKernels(_entry_in_space, _cut, certify, pairs, _most, _between_in_space)
+
+
+LEGS_IN_SPACE = MotionKind(_kernels_in_space, _free, _trajectory)
+
+
+@inlined
+def cost_in_space(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
+    """Cost of a leg in space; the time of its end may be open."""
+    return timed_cost(apart(tail, head) ** 2, tail[3], head[3], numbers)[0]
+
+
+@kernel
+def connect_in_space(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """Connect each pair of places and times in space by one leg; the numbers are those of `connect`."""
+    k = tails.shape[0]
+    path = np.hstack((tails, heads))
+    cost = np.empty(k)
+    for i in range(k):
+        cost[i], dt = timed_cost(apart(tails[i], heads[i]) ** 2, tails[i, 3], heads[i, 3], numbers)
+        if math.isnan(heads[i, 3]):
+            path[i, 7] = tails[i, 3] + dt
+    return Legs(path, cost, tails, heads)

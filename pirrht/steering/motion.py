@@ -26,31 +26,43 @@ SPACING = 0.05  # distance of points on drawn arcs [m]
 class Legs(NamedTuple):
     """k straight motions in space and time at a constant speed, one row each; a leg of no length waits."""
 
-    path: Array  # (k, 6): x, y [m], t [s] of both ends
+    path: Array  # (k, 2d + 2): place (d,) [m], t [s] of both ends
     cost: Array  # (k,) integral of q + (r/2) |v|^2 [cost]; infinite where there is no such motion
-    tails: Array  # (k, 3) first states, x, y [m], t [s]
-    heads: Array  # (k, 3) last states; an open time is not a number
+    tails: Array  # (k, n) first states, place [m], t [s]
+    heads: Array  # (k, n) last states; an open time is not a number
+
+    @property
+    def d(self) -> int:
+        """Count the numbers of a place."""
+        return int(self.path.shape[1] // 2 - 1)
 
     @property
     def knots(self) -> Array:
-        """Begins of consecutive legs and the end of the last one, (k + 1, 3) [m, m, s]."""
-        return np.vstack([self.path[:, :3], self.path[-1:, 3:]])
+        """Begins of consecutive legs and the end of the last one, place and time, (k + 1, d + 1) [m, s]."""
+        return np.vstack([self.path[:, : self.d + 1], self.path[-1:, self.d + 1 :]])
 
     @property
     def start(self) -> Array:
-        """Begin and heading of each, x, y [m], heading [rad], (k, 3); waiting ones have the next heading."""
-        dx, dy = (self.path[:, 3:5] - self.path[:, :2]).T
-        moves = np.flatnonzero(np.hypot(dx, dy) > 0.0)
-        i = np.minimum(np.searchsorted(moves, np.arange(len(dx))), max(len(moves) - 1, 0))
-        return np.column_stack([self.path[:, :2], np.arctan2(dy, dx)[moves[i]] if len(moves) else np.zeros(len(dx))])
+        """Begin and heading of each, x, y [m], heading [rad], (k, 3), or in space place and direction, (k, 6).
+
+        Waiting ones have the next heading; if none moves it is 0, or upward.
+        """
+        span = self.path[:, self.d + 1 : -1] - self.path[:, : self.d]
+        length = np.hypot.reduce(span, axis=1)
+        moves = np.flatnonzero(length > 0.0)
+        i = np.minimum(np.searchsorted(moves, np.arange(len(span))), max(len(moves) - 1, 0))
+        ways = np.arctan2(span[:, 1], span[:, 0]) if self.d == 2 else span / np.maximum(length, 1e-300)[:, None]
+        still = np.zeros(len(span)) if self.d == 2 else np.tile(np.eye(3)[-1], (len(span), 1))
+        return np.column_stack([self.path[:, : self.d], ways[moves[i]] if len(moves) else still])
 
     def points(self, spacing: float) -> list[Array]:
-        """Return both ends of each motion, (2, 2) [m], and no points in between, whatever the `spacing`."""
-        return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
+        """Return both ends of each motion, (2, d) [m], and no points in between, whatever the `spacing`."""
+        return [*self.path.reshape(len(self.path), 2, -1)[:, :, : self.d]]
 
     def places(self, times: Array) -> Array:
-        """Place a path of consecutive legs at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
-        return np.column_stack([np.interp(times, self.knots[:, 2], self.knots[:, k]) for k in (0, 1)])
+        """Place a path of consecutive legs at times (l,) [s], (l, d) [m]; it stays where it begins and ends."""
+        *places, at = self.knots.T
+        return np.column_stack([np.interp(times, at, axis) for axis in places])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -120,6 +120,15 @@ def _kernels(around: Surroundings) -> MotionKernels:
 PIECES = MotionKind(_kernels, _free, _trajectory)
 
 
+def in_ball(radius: float, chances: Array) -> Array:
+    """Return places (k, 3) in a ball of a radius [m] around 0, uniform as chances (k, 3) are."""
+    depth = radius * chances[:, 0] ** (1.0 / D)
+    height = 2.0 * chances[:, 1] - 1.0
+    angle = 2.0 * np.pi * chances[:, 2]
+    level = np.sqrt(1.0 - height**2)
+    return np.asarray(depth[:, None] * np.column_stack([level * np.cos(angle), level * np.sin(angle), height]))
+
+
 STEPS = np.arange(TUNING.fan + 1) / TUNING.fan
 SHARES = np.array([(s * (1.0 - t), s * t) for s in STEPS for t in STEPS])  # of both sides of a triangle
 
@@ -146,12 +155,7 @@ class InSpace:
         drawn = scene.lower + (scene.upper - scene.lower) * chances[:, :D]
         inside = chances[:, D] < goal_share
 
-        depth = goal.radius * chances[:, D + 1] ** (1.0 / D)
-        height = 2.0 * chances[:, D + 2] - 1.0
-        angle = 2.0 * np.pi * chances[:, D + 3]
-        level = np.sqrt(1.0 - height**2)
-        way = np.column_stack([level * np.cos(angle), level * np.sin(angle), height])
-        drawn[inside] = (goal.center + depth[:, None] * way)[inside]
+        drawn[inside] = (goal.center + in_ball(goal.radius, chances[:, D + 1 :]))[inside]
         return drawn
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:

@@ -193,7 +193,7 @@ def model(space: SpaceKernels, moving: MovingKernels | None) -> Any:
             h = 0.5 * static.spacing
             nx = (clearance(static, (x + h, y)) - clearance(static, (x - h, y))) / (2.0 * h)
             ny = (clearance(static, (x, y + h)) - clearance(static, (x, y - h))) / (2.0 * h)
-            walls[count] = (c, nx, ny, 0.0, 0.0, 0.0)
+            walls[count] = (c, nx, ny, 0.0, 0.0, 0.0, 0.0)
             count += 1
         return count
 

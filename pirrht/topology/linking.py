@@ -20,7 +20,7 @@ from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int32, load_int64, part
 from pirrht.jit.records import Held
-from pirrht.topology.signature import Signature, SignatureKernels, hash_weights
+from pirrht.topology.signature import NO_CLASSES, Signature, SignatureKernels, hash_weights
 
 
 class LinkTable(NamedTuple):
@@ -158,7 +158,7 @@ def base(table, x, out):  # type: ignore[no-untyped-def]
         out[k] = _turn(table, k, _less(x, table.goal), (0.0, 0.0, 0.0))
 
 
-LINKING = SignatureKernels(base, crossings, turns, key=key)
+LINKING = SignatureKernels(base, crossings, turns, None, key, None, *NO_CLASSES[-3:])  # moving obstacles make none
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -197,5 +197,5 @@ class Linking(Signature):
         return replace(self, goal=goal)
 
     def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> "Linking":
-        """Signature about the same polygons: nothing moves in space."""
+        """Signature about the same polygons: no path winds about moving obstacles in space (`moving.in_space`)."""
         return self

@@ -72,7 +72,7 @@ def sides(references: Sequence[Reference], homology: Signature) -> list[tuple[st
 
 def _views(references: Sequence[Reference], homology: Signature) -> list[dict[str, str]]:
     """Return for each of J markers what its left and its right are called, by how it goes by all paths on average."""
-    lines = [knots for one in references if (knots := knots_of(one)) is not None]
+    lines = [knots for one in references if homology.J and (knots := knots_of(one)) is not None]
     sums = np.zeros((3, homology.J)) + sum(_seen(knots, homology) for knots in lines)
     views = list[dict[str, str]]()
     for across, moving, faster in sums.T.tolist():

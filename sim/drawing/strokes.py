@@ -38,15 +38,15 @@ def at_most(points: Array, count: int) -> Array:
 
 
 def knots_of(reference: Reference) -> Array | None:
-    """The path of a reference with times of its own, (k, 3) [m, m, s]; None of one without."""
+    """The path of a reference with times of its own, (k, d + 1) [m, s]; None of one without."""
     knots = getattr(reference.trajectory.path, "knots", None)
-    return None if knots is None or knots.shape[1] != 3 else np.asarray(knots)
+    return None if knots is None else np.asarray(knots)
 
 
 def timed(reference: Reference, now: float) -> Array:
-    """The path of a reference of a plan made at a time [s], (k, 3) [m, m, s]; without times of its own at even pace."""
+    """The path of a reference of a plan made at a time [s], (k, d + 1) [m, s]; without own times at even pace."""
     if (knots := knots_of(reference)) is not None:
-        return np.column_stack([knots[:, :2], knots[:, 2] - knots[0, 2] + now])
+        return np.column_stack([knots[:, :-1], knots[:, -1] - knots[0, -1] + now])
     line, along = reference.trajectory.points, lengths(reference.trajectory.points)
     whole = float(reference.trajectory.durations.sum())
     return np.column_stack([line, now + whole * along / max(float(along[-1]), 1e-9)])
@@ -205,7 +205,7 @@ class Outline(NamedTuple):
 
     after: float  # a moment [s]
     strength: float  # from 1 for now to 0
-    ring: Array  # (c + 1, 2) its corners, the first one twice [m]
+    ring: Array  # (c + 1, 2) its corners, the first one twice [m]; in space (c + 1, 3), level through its centre
 
 
 def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
@@ -213,6 +213,12 @@ def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
     found = []
     for mover in movers:
         moments = [(0.0, 1.0), *fading(mover, now)]
+        if mover.motion.in_space:
+            posed = [(a, s, outline(solid), solid.position[2]) for a, s in moments for solid in mover.at(now + a)]
+            found += [
+                Outline(a, s, np.column_stack([np.vstack([r, r[:1]]), np.full(len(r) + 1, z)])) for a, s, r, z in posed
+            ]
+            continue
         for drawn in outlines(mover, now + np.array([after for after, _ in moments]), ROUGH):
             found += [Outline(a, s, np.vstack([one, one[:1]])) for (a, s), one in zip(moments, drawn, strict=True)]
     return found

@@ -12,7 +12,7 @@ import numpy as np
 
 from pirrht.errors import SceneError
 from sim.mjcf.library import compile_spec, delete, listed
-from sim.mjcf.obstacles import MOTION, mesh_of, moved_geoms
+from sim.mjcf.obstacles import MOTIONS, mesh_of, moved_by, moved_geoms
 from sim.text import counted
 
 PREFIX = "loose/"  # of a body that was made for a geom of the worldbody
@@ -153,8 +153,8 @@ def dress(model: mujoco.MjModel) -> None:
             model.site_rgba[site] = SITES[name]
     bare = (model.geom_matid < 0) & bare
     flat = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
-    motions = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
-    moving = moved_geoms(model, [name.removeprefix(MOTION) for name in motions])
+    motions = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(tuple(MOTIONS))]
+    moving = moved_geoms(model, map(moved_by, motions))
     model.geom_rgba[bare] = np.select([flat[bare, None], moving[bare, None]], [FLOOR, MOVING], WALL)
     head = model.vis.headlight
     if model.nlight == 0 and np.allclose([head.ambient[0], head.diffuse[0], head.specular[0]], DARK):

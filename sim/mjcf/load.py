@@ -27,7 +27,7 @@ from sim.mjcf import obstacles
 from sim.mjcf.edits import freeze, leave_out, loosen, part_meshes
 from sim.mjcf.footprint import footprint_of, rectangle_of
 from sim.mjcf.library import Faults, compile_spec, delete, find, listed, parse, prefixed, refused, robot_names
-from sim.mjcf.obstacles import MOTION, Mask, geom_label, site_of
+from sim.mjcf.obstacles import MOTION, POSES, Mask, geom_label, site_of
 from sim.mjcf.robot import Robot, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
@@ -126,7 +126,7 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
             called = listed([*concave.values()])
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
         moving = obstacles.moved_geoms(model, motions)
-        movers = obstacles.read_movers(model, data, motions, solids)
+        movers = obstacles.read_movers(model, data, motions, solids, adapter.dimension)
         values = Scene(
             name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, footprint=robot.footprint,
             obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
@@ -255,12 +255,14 @@ def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
 
 def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, Any]]:
     """What a scene is about, the robot that it is meant for, and its defaults of options by their names."""
-    texts, numerics = ({e.name: e for e in es if not e.name.startswith(MOTION)} for es in (spec.texts, spec.numerics))
+    texts, numerics = (
+        {e.name: e for e in es if not e.name.startswith((MOTION, POSES))} for es in (spec.texts, spec.numerics)
+    )
     options = {"pirrht_" + name.replace("-", "_"): name for name in (*NUMERICS, "footprint")}
     for kind, elements, known in (("text", texts, ("pirrht_robot", ABOUT)), ("numeric", numerics, options)):
         for name in elements:
             if name.startswith("pirrht_") and name not in known:
-                these = f"{', '.join(known)}, and {MOTION}BODY is the motion of a body"
+                these = f"{', '.join(known)}, and {MOTION}BODY or {POSES}BODY is the motion of a body"
                 raise SceneError(f'custom {kind} "{name}" is no option{suggestion(name, known)}; those are {these}')
     about, robot = (" ".join(str(texts[n].data).split()) if n in texts else "" for n in (ABOUT, "pirrht_robot"))
     if (robot or DEFAULT) not in robot_names():

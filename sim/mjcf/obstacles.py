@@ -1,12 +1,12 @@
 """Obstacles of a compiled MuJoCo model, and how far the workspace reaches.
 
-Those that move are mocap bodies whose motions stand in the scene as custom numerics `pirrht_motion_BODY`. In MuJoCo
-they move about the vertical through where they stand.
+Those that move are mocap bodies whose motions stand in the scene as custom numerics: `pirrht_motion_BODY`, about the
+vertical through where they stand, or for a robot in space also `pirrht_poses_BODY`, with places and quaternions.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import inf, remainder, tau
+from math import acos, inf, remainder, tau
 
 import mujoco
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.obstacle import Motion, Mover, about_vertical
+from pirrht.geometry.obstacle import Motion, Mover, rotation_of
 from pirrht.geometry.scene import Kind, Obstacle, Scene
 from sim.mjcf.library import FARTHEST, Faults, listed, prefixed, refuse_far, refused
 from sim.states.planar_joints import GROUND, heading_of
@@ -22,14 +22,19 @@ from sim.states.planar_joints import GROUND, heading_of
 Mask = NDArray[np.bool_]
 Faces = NDArray[np.int64]
 
-MOTION = "pirrht_motion_"  # with the name of a body: how it moves
+MOTION = "pirrht_motion_"  # with the name of a body: how it moves ...
+POSES = "pirrht_poses_"  # ... in space
+MOTIONS = {
+    MOTION: "rows of four numbers: t x y yaw [s, m, m, rad]",
+    POSES: "rows of eight numbers: t x y z [s, m, m, m] and a quaternion w x y z",
+}
 _GEOM = mujoco.mjtGeom
 CONVEX = 0.99  # share of its hull that a mesh fills at least to count as convex
 _UNIT = 1e-6  # by which the norm of a rotation's quaternion may be off 1
 _UP = 1 - 1e-9  # the upward part of the normal of a horizontal plane, at least
 NEAR = 1e-6  # by which a first row may miss the place where its body stands [m]
 TURNED = 1e-3  # and its yaw there [rad]: people write pi/2 with four digits
-ROWS = "rows of four numbers: t x y yaw [s, m, m, rad]"
+QUARTER = 0.25 * tau  # by how much a motion about the vertical turns at most between two rows in space [rad]
 _ABOUT_VERTICAL = np.array([-1.0, -1.0, 1.0, 1.0])  # k (w, x, y, z) = (-z, -y, x, w)
 _TOUCH = 1e-9  # what only touches the robot's height range, like a slab it stands on, is not in its way [m]
 
@@ -219,8 +224,8 @@ def concave_meshes(model: mujoco.MjModel, solids: Mapping[int, Obstacle]) -> dic
 
 def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
     """The motions of a scene by the names of their bodies, in the order of the file."""
-    rows = {n.name: np.array(list(n.data)) for n in spec.numerics if n.name.startswith(MOTION)}
-    texts = {t.name: str(t.data) for t in spec.texts if t.name.startswith(MOTION)}
+    rows = {n.name: np.array(list(n.data)) for n in spec.numerics if n.name.startswith(tuple(MOTIONS))}
+    texts = {t.name: str(t.data) for t in spec.texts if t.name.startswith(tuple(MOTIONS))}
     for name, text in texts.items():
         if name not in rows or text != "repeat":
             known = listed([f'"{one}"' for one in rows]) or "none"
@@ -228,13 +233,22 @@ def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
                 f'custom text "{name}" is "{text}"; write "repeat" for one of the motions here, which are {known}, add '
                 f'<numeric name="{name}" data="0 x y yaw  t x y yaw ..."/>, or remove it: a body stops at its last row'
             )
-    return {name.removeprefix(MOTION): _motion(spec, name, data, name in texts) for name, data in rows.items()}
+    bodies = [*map(moved_by, rows)]
+    if twice := {f'"{name}"' for name in bodies if bodies.count(name) > 1}:
+        raise SceneError(f"body {listed([*twice])} has two motions; keep {MOTION}BODY or {POSES}BODY")
+    return {moved_by(name): _motion(spec, name, data, name in texts) for name, data in rows.items()}
+
+
+def moved_by(name: str) -> str:
+    """Return the body that a numeric of a motion moves."""
+    return name.removeprefix(MOTION).removeprefix(POSES)
 
 
 def _motion(spec: mujoco.MjSpec, name: str, data: Array, repeat: bool) -> Motion:
     """The motion that a numeric of that name gives a body, which must be able to move so."""
     label = f'custom numeric "{name}"'
-    called = name.removeprefix(MOTION)
+    called = moved_by(name)
+    width, must = (8, MOTIONS[POSES]) if name.startswith(POSES) else (4, MOTIONS[MOTION])
     body, why = spec.body(called), ""
     if body is None:
         why = "is not there"
@@ -248,11 +262,11 @@ def _motion(spec: mujoco.MjSpec, name: str, data: Array, repeat: bool) -> Motion
             f'{label} moves body "{called}", which {why}; write <body name="{called}" mocap="true" ...> without joints '
             f"in the worldbody, or name another; bodies that can move are {known}"
         )
-    if data.size % 4 or not (data.any() or data.size == 4):
+    if data.size % width or not (data.any() or data.size == width):
         zeros = "" if data.any() else " that are all 0"
-        raise SceneError(f"{label} is of {data.size} numbers{zeros}; write {ROWS}")
-    with refused(f"{label}: ", f"; write {ROWS}, in order", SceneError):
-        motion = Motion(rows=data.reshape(-1, 4), repeat=repeat)
+        raise SceneError(f"{label} is of {data.size} numbers{zeros}; write {must}")
+    with refused(f"{label}: ", f"; write {must}, in order", SceneError):
+        motion = Motion(rows=data.reshape(-1, width), repeat=repeat)
     refuse_far(label, motion.rows)
     return motion
 
@@ -263,25 +277,27 @@ def moved_geoms(model: mujoco.MjModel, names: Iterable[str]) -> Mask:
 
 
 def read_movers(
-    model: mujoco.MjModel, data: mujoco.MjData, motions: Mapping[str, Motion], solids: Mapping[int, Obstacle]
-) -> tuple[Mover, ...]:
+    model: mujoco.MjModel, data: mujoco.MjData, motions: Mapping[str, Motion], solids: Mapping[int, Obstacle],
+    dimension: int,
+) -> tuple[Mover, ...]:  # fmt: skip
     """Moving obstacles, in the order of the motions by body, given whatever the robot can collide with by geom."""
     roots = model.body_rootid[model.geom_bodyid]
     movers = []
-    for name, motion in motions.items():
+    for name, given in motions.items():
         body = int(model.body(name).id)
-        x, y, z = data.xpos[body].tolist()
-        yaw = heading_of(data.xquat[body])
-        _, x0, y0, yaw0 = motion.rows[0]
-        if max(abs(x0 - x), abs(y0 - y)) > NEAR or abs(remainder(yaw0 - yaw, tau)) > TURNED:
+        place = data.xpos[body]
+        quaternion = data.xquat[body]
+        if given.in_space and dimension == 2:
             raise SceneError(
-                f'body "{name}" stands at ({x:g}, {y:g}) with yaw {yaw:.6g}, and the first row of "{MOTION}{name}" is '
-                f"({x0:g}, {y0:g}) with yaw {yaw0:.6g}, a jump at the start; let it stand there, "
-                f'pos="{x0:g} {y0:g} {z:g}" and turned so, or begin with "0 {x:g} {y:g} {yaw:.6g}"'
+                f'body "{name}" moves in space, and the robot does not; write "{MOTION}{name}" in place of '
+                f'"{POSES}{name}", as {MOTIONS[MOTION]}, or choose a robot in space'
             )
-        turn = about_vertical(-yaw0)  # into the frame of the body at yaw 0
+        _refuse_jump(name, given, place, quaternion)
+        motion = _raised(given, float(place[2]), quaternion) if dimension == 3 and not given.in_space else given
+        first = motion.pose_at(-motion.offset)
+        turn, origin = rotation_of(first).T, np.array([*first[:2], first[2] if dimension == 3 else 0.0])
         mine = tuple(
-            replace(one, position=turn @ (one.position - np.array([x0, y0, 0.0])), rotation=turn @ one.rotation)
+            replace(one, position=turn @ (one.position - origin), rotation=turn @ one.rotation)
             for geom, one in solids.items()
             if roots[geom] == body
         )
@@ -294,23 +310,57 @@ def read_movers(
     return tuple(movers)
 
 
+def _refuse_jump(name: str, motion: Motion, place: Array, quaternion: Array) -> None:
+    """Refuse a first row that is not where its body stands."""
+    kind, d, turn = (POSES, 3, "quat") if motion.in_space else (MOTION, 2, "yaw")
+    first = motion.rows[0, 1:]
+    now = [*place, *quaternion] if motion.in_space else [*place[:2], heading_of(quaternion)]
+    turned = remainder(first[-1] - now[-1], tau)
+    if motion.in_space:
+        turned = 2.0 * acos(min(abs(float(first[3:] @ quaternion)), 1.0))
+    if np.abs(first - now)[:d].max() > NEAR or abs(turned) > TURNED:
+        there, at = (
+            f"({', '.join(f'{v:g}' for v in pose[:d])}) with {turn} {as_text(pose[d:])}" for pose in (now, first)
+        )
+        raise SceneError(
+            f'body "{name}" stands at {there}, and the first row of "{kind}{name}" is {at}, a jump at the start; let '
+            f'it stand there, pos="{as_text([*first[:d], *place[d:]])}" and turned so, or begin with "0 {as_text(now)}"'
+        )
+
+
+def as_text(values: Iterable[float]) -> str:
+    """Numbers as an attribute has them."""
+    return " ".join(f"{value:g}" for value in values)
+
+
+def _raised(motion: Motion, height: float, quaternion: Array) -> Motion:
+    """Return a motion about the vertical as one in space, at a height [m] and from an attitude at its first row."""
+    rows = motion.rows
+    parts = np.maximum(np.ceil(np.abs(np.diff(rows[:, 3])) / QUARTER).astype(int), 1)
+    at = np.interp(np.arange(parts.sum() + 1), np.append(0, np.cumsum(parts)), np.arange(len(rows)))
+    fine = np.column_stack([np.interp(at, np.arange(len(rows)), column) for column in rows.T])
+    turned = _turned(np.tile(quaternion, (len(fine), 1)), fine[:, 3] - fine[0, 3])
+    return replace(motion, rows=np.column_stack([fine[:, :3], np.full(len(fine), height), turned]))
+
+
 def clearance_at_start(scene: Scene) -> tuple[float, str]:
     """Clearance of the footprint from the nearest moving obstacle at the start [m], and the body's name."""
     if not scene.movers:
         return inf, ""
     from pirrht.moving.collision import MovingObstacles  # FCL is slow to import, and few scenes move
 
-    pose = scene.start[:2] if scene.footprint.is_disc else scene.start
+    pose = scene.place if scene.footprint.is_disc else scene.start
     crowds = {mover.name: MovingObstacles([mover], scene.footprint) for mover in scene.movers}
     return min((float(crowd.clearance(pose, 0.0)), name) for name, crowd in crowds.items())
 
 
 class Mocap:
-    """Places the J moving bodies of a model: x, y and yaw by the motion, height and tilt as the file has them."""
+    """Places the J moving bodies of a model, in the plane by x, y and yaw, with height and tilt as in the file."""
 
     def __init__(self, model: mujoco.MjModel, movers: Sequence[Mover]) -> None:
         bodies = [int(model.body(mover.name).id) for mover in movers]
         self._motions = [mover.motion for mover in movers]
+        self._in_space = any(motion.in_space for motion in self._motions)
         self._rows = model.body_mocapid[bodies]
         self._heights = model.body_pos[bodies, 2]
         yaws = np.array([motion.rows[0, 3] for motion in self._motions])
@@ -319,6 +369,10 @@ class Mocap:
     def place(self, data: mujoco.MjData, time: float) -> None:
         """Place the bodies as they are at a time [s]."""
         poses = np.array([motion.pose_at(time) for motion in self._motions])
+        if self._in_space:
+            data.mocap_pos[self._rows] = poses[:, :3]
+            data.mocap_quat[self._rows] = poses[:, 3:]
+            return
         data.mocap_quat[self._rows] = _turned(self._upright, poses[:, 2])
         poses[:, 2] = self._heights
         data.mocap_pos[self._rows] = poses
@@ -326,6 +380,8 @@ class Mocap:
     def poses(self, times: Array) -> tuple[Array, Array]:
         """Places (k, J, 3) [m] and quaternions (k, J, 4), w first, at times (k,) [s]."""
         found = np.stack([motion.pose(times) for motion in self._motions], axis=1)
+        if self._in_space:
+            return found[..., :3], found[..., 3:]
         heights = np.broadcast_to(self._heights, found.shape[:2])
         return np.dstack([found[..., :2], heights]), _turned(self._upright, found[..., 2])
 

@@ -21,7 +21,7 @@ from pirrht.plotting.colors import ClassColors, Color, blend
 from pirrht.plotting.strokes import even, outline
 from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, fade, packed, title
-from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, placed, tubes
+from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Outline, Tube, at_most, foreseen, lift, placed, tubes
 from sim.recording.geoms import on_floor
 from sim.recording.reasons import page, reasons, share, shares_of, words_of
 from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, VALUE, entity
@@ -80,6 +80,10 @@ class Pictures:
         why = reasons(plan, subject.path_integral, subject.solids, words, exact)
         self._log("/why/page", rr.TextDocument(page(plan, why, time), media_type=rr.MediaType.MARKDOWN))
         if subject.moves:
+            soon = foreseen(plan.movers, plan.time)
+            later = [one for one in soon if one.after > 0.0]
+            self._strips("/world/foreseen", [placed(one.ring, 0.03) for one in later], _paler(later), 0.008)
+        if subject.in_time:
             self._draw_in_time(plan, fans, labels)
 
     def _label(self, path: str, labels: Mapping[str, str], plan: Plan, lines: Sequence[Array | Floats]) -> None:
@@ -155,14 +159,8 @@ class Pictures:
         pale = [fade(self._colors[name], FLOOR, 0.15 + 0.5 * fan.opacity[heavy]) for name, fan in alive.items()]
         self._strips(f"{TIMES}/samples", threads, np.vstack(pale) if pale else [], 0.006)
         soon = foreseen(plan.movers, plan.time)
-        later = [one for one in soon if one.after > 0.0]
         rings = [self.raised(_at(one.ring, plan.time + one.after)) for one in soon]
-        for path, outlines, strips, radius in (
-            ("/world/foreseen", later, [lift(one.ring, 0.03) for one in later], 0.008),
-            (f"{TIMES}/foreseen", soon, rings, 0.012),
-        ):
-            shades = fade(MOVER, FLOOR, np.array([one.strength for one in outlines]))
-            self._strips(path, strips, shades, radius)
+        self._strips(f"{TIMES}/foreseen", rings, _paler(soon), 0.012)
 
     def reach(self, time: float) -> None:
         """Let tubes, walls and axis go on to a time [s]."""
@@ -211,3 +209,8 @@ class Pictures:
 def _at(points: Array, time: float) -> Array:
     """Points (k, 2) [m] at a time [s], (k, 3)."""
     return np.column_stack([points, np.full(len(points), time)])
+
+
+def _paler(outlines: Sequence[Outline]) -> Any:
+    """Colours of predicted outlines, the paler the later."""
+    return fade(MOVER, FLOOR, np.array([one.strength for one in outlines]))

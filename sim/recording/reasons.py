@@ -15,7 +15,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import TUNING
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.obstacle import Mover
+from pirrht.geometry.obstacle import Mover, rotation_of
 from pirrht.geometry.shapes import Solids, distances
 from pirrht.outcome import Outcome
 from pirrht.topology.signature import class_id
@@ -34,19 +34,15 @@ Names = tuple[str, ...]
 
 
 def touched(space: FreeSpace, names: Names, movers: Sequence[Mover], places: Array, times: Array) -> list[str]:
-    """Name what is nearest at places (k, 2) [m] and times (k,) [s]: a solid by `names`, a mover or the border."""
+    """Name what is nearest at places (k, d) [m] and times (k,) [s]: a solid by `names`, a mover or the border."""
     scene, collision = space.scene, space.collision
     gaps = [np.minimum(places - scene.lower, scene.upper - places).min(axis=1) + scene.robot_radius]
     gaps += [collision.obstacle_distance(k, places) for k in range(len(names))]
     for mover in movers:
-        x, y, yaw = mover.motion.pose(times).T
-
-        dx = places[:, 0] - x
-        dy = places[:, 1] - y
-        c = np.cos(yaw)
-        s = np.sin(yaw)
-
-        own = np.column_stack([c * dx + s * dy, c * dy - s * dx])
+        poses = mover.motion.pose(times)
+        d = places.shape[1]
+        turns = np.array([rotation_of(pose)[:d, :d] for pose in poses]).reshape(-1, d, d)
+        own = np.einsum("kij,ki->kj", turns, places - poses[:, :d])
         gap = np.empty(len(places))
         distances(Solids.of(mover.solids), np.arange(len(mover.solids)), own, collision.footprint.height, gap)
         gaps.append(gap)

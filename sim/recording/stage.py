@@ -139,7 +139,7 @@ def stage(subject: Subject, log: Log) -> None:
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)
-    if subject.moves:
+    if subject.in_time:
         for mover in scene.movers:
             x, y, _ = mover.motion.pose_at(0.0)
             log(f"{entity(f'{TIMES}/bodies', mover.name)}/name", name_tag(subject, mover.name, (x, y, 0.05)))
@@ -251,7 +251,7 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     """
     scene = subject.space.scene
     tabs = [_drive(subject), _why(subject)]
-    if subject.moves:
+    if subject.in_time:
         high = dist(
             scene.goal.center, scene.start[subject.loaded.adapter.position]
         )  # of the straight path at the best speed

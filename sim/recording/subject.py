@@ -53,6 +53,11 @@ class Subject:
         """Return whether obstacles move in the scene."""
         return bool(self.space.scene.movers)
 
+    @property
+    def in_time(self) -> bool:
+        """Return whether there is a view with time upward: of what moves in the plane."""
+        return self.moves and not self.in_space
+
     @cached_property
     def rise(self) -> float:
         """Height of a second in space and time [m]: at the best speed a path rises as steeply as it goes ahead."""

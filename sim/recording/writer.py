@@ -160,7 +160,7 @@ class Writer:
         posed = [r.posed[0] for r in rows] + [last.posed[1]] * (last.outcome is not None)
         self._transforms("/world/robot", every, self._robot.at(np.array(posed)), arrows)
         self._movers(every)
-        if not self._subject.moves:
+        if not self._subject.in_time:
             return
         at = np.column_stack([self._adapter.above(np.array(states)), [time for _, time in every]])
         ends = [np.append(self._adapter.above(r.states[-1]), r.end) for r in rows]

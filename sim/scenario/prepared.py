@@ -61,7 +61,7 @@ def prepare(
     kind = named(loaded.dynamics_name)
     overlay = kind.preset(task.preset)
     refuse(kind, given)
-    base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
+    base = replace(kind.settings, limit=AMONG) if loaded.scene.movers and loaded.scene.dimension == 2 else kind.settings
     settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, given)
 
     def at(margin: float | None, narrow: tuple[Waiver, ...] = (), **changes: Any) -> Scenario:

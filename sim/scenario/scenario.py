@@ -256,10 +256,12 @@ class Scenario:
             solver_for(self.problem, self.space, dt)
         except OptionError:
             where, who = (" among moving bodies", "puck") if self.moving else ("", "puck or unicycle")
-            who = "ball" if self.system.adapter.dimension == 3 else who
+            if self.system.adapter.dimension == 3:
+                where, who = (" among moving bodies in space", "") if self.moving else (where, "ball")
             raise OptionError(
                 f"no grid solves the problem of {self.system.called}{where}, so its exact value and optimal control "
-                f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"
+                "are not known: leave out --truth, choose another --method than optimal"
+                f"{f', or --robot {who}' if who else ''}"
             ) from None
         return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
 

@@ -37,6 +37,24 @@ def body(name: str, geom: str, pos: str = "0 0 0.1", *, more: str = "") -> str:
     return f'<body name="{name}" mocap="true" pos="{pos}" {more}><geom name="{name}" {geom}/></body>'
 
 
+def flown_over(
+    folder: Path, geom: str, poses: str, *, repeat: bool = False, start: str = "0 0 0", more: str = ""
+) -> Path:
+    """A scene in space with body "b" of one geom on rows of poses, in which it stands at the first."""
+    row = poses.split()[:8]
+    pose = f'pos="{" ".join(row[1:4])}" quat="{" ".join(row[4:])}"'
+    text = '<text name="pirrht_poses_b" data="repeat"/>' * repeat
+    path = folder / "air.xml"
+    path.write_text(
+        f"""<mujoco><option timestep="0.002"/><custom><text name="pirrht_robot" data="ball"/>{text}
+        <numeric name="pirrht_poses_b" data="{poses}"/>{more}</custom><worldbody>
+        <site name="workspace" type="box" size="50 50 50"/><site name="start" pos="{start}"/>
+        <site name="goal" type="sphere" pos="45 0 0" size="0.1"/>
+        <body name="b" mocap="true" {pose}><geom name="b" {geom}/></body></worldbody></mujoco>"""
+    )
+    return path
+
+
 def rows(name: str, data: str, *, repeat: bool = False) -> str:
     """A motion."""
     text = f'<text name="pirrht_motion_{name}" data="repeat"/>' if repeat else ""

@@ -1,12 +1,14 @@
 """Scenes in space: boxes and other solids, walls with holes, pillars, frames and bodies that float."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 
 Row = Sequence[float]
@@ -37,6 +39,12 @@ def in_space(
         goal=Goal(center=np.array(goal[:3], dtype=float), radius=goal[3]), start=np.array(start, dtype=float),
         robot_radius=radius, **more,
     )  # fmt: skip
+
+
+def flying(name: str, rows: Sequence[Row], *solids: Obstacle, repeat: bool = False) -> Mover:
+    """A body whose rows are t [s], x, y, z [m] and perhaps a quaternion, w first, of solids in its own frame."""
+    whole = np.array([[*row, 1.0, 0.0, 0.0, 0.0][:8] for row in rows], dtype=float)
+    return Mover(name=name, solids=solids, motion=Motion(rows=whole, repeat=repeat))
 
 
 def framed(name: str, x: float, width: Row, outer: Row, hole: Row) -> list[Obstacle]:
@@ -92,3 +100,14 @@ def mixed(seed: int) -> Scene:
         hole = (y + 0.2, z + 0.2, y + 1.0, z + 1.0)
         found += framed("frame", x, (-0.1, 0.1), (y, z, y + 1.2, z + 1.2), hole)
     return in_space(found, upper=upper, start=(0.1, 0.1, 0.1), goal=(3.9, 2.9, 2.4, 0.1), radius=0.15)
+
+
+def guarded() -> Scene:
+    """The window with a ball that crosses before it, and a bar that tumbles down there a little later."""
+    ball = solid("ball", Kind.SPHERE, (0.3, 0.0, 0.0), (0, 0, 0))
+    bar = solid("bar", Kind.BOX, (0.1, 0.5, 0.1), (0, 0, 0))
+    movers = (
+        flying("ball", [(0.0, 2.4, 0.8, 1.0), (3.6, 2.4, 3.2, 1.0), (7.2, 2.4, 0.8, 1.0)], ball, repeat=True),
+        flying("bar", [(0.0, 2.0, 2.0, 2.6), (4.0, 2.0, 2.0, 0.4, 0.6, 0.8, 0.0, 0.0)], bar),
+    )
+    return replace(window(), movers=movers)

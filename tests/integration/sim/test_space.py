@@ -1,6 +1,8 @@
 """Robots in space: they fly in MuJoCo through the window, and recordings and pictures of them are read back."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -96,6 +98,60 @@ def test_a_recording_of_a_ball_has_an_orbiting_eye_paths_at_their_height_and_way
         assert all(way in text.lower() for way in ("through the opening in wall", "over wall"))
     labels = {text for row in table["/world/names"]["Points3D:labels"] for text in row}
     assert all(text.startswith(("through the opening in wall   ", "over wall   ")) for text in labels)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "predict"), [("ball", "known"), ("ball", "velocity"), ("drone", "known")])
+def test_a_robot_in_space_passes_two_balls_and_the_recording_shows_where_they_are_and_will_be(tmp_path, robot, predict):
+    given = {"seed": 1, "predict": predict, "vertices": 300, "samples": 100}
+    scenario = prepare("sentries", robot=robot, given=given)
+    tree = scenario.grown_tree()
+    driver = scenario.driver(tree)
+    file = tmp_path / "balls.rrd"
+    sinks = Sinks(file=file)
+    settings = {"scene": "sentries", "seed": 1, "method": "pi-rrht"}
+    recorder = Recorder(scenario.loaded, tree, driver.path_integral, sinks, Look(), settings=settings)
+    frames = logged(recorder, scenario.drive(scenario.plant(), driver))
+    run = frames[-1].metrics
+    assert (run.outcome, run.executed_class) == ("goal", "0")
+    assert run.min_clearance > 0.0
+    table = columns(file)
+    for mover in scenario.loaded.scene.movers:
+        at = np.array(table[f"/world/scene/movers/{mover.name}"]["Transform3D:translation"]).reshape(-1, 3)
+        np.testing.assert_allclose(at[-1], mover.motion.pose(frames[-1].end_time)[:3], atol=1e-6)
+    rings = np.concatenate([np.concatenate(row) for row in table["/world/foreseen"]["LineStrips3D:strips"]])
+    assert np.ptp(rings[:, 2]) > 1.0
+    assert not any("spacetime" in entity for entity in table)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["ball", "drone"])
+def test_a_robot_before_a_closed_window_hovers_gives_way_and_goes_on_when_it_opens(tmp_path, robot):
+    """A lid leaves the window after 2 s, which is not foreseen; a ball flies through where the robot starts."""
+    text = Path(load("sentries").path).read_text()
+    text = re.sub(r"<(text|numeric) name=.pirrht_poses_.*?/>", "", text)
+    text = re.sub(r"<body name=.(across|down).*?</body>", "", text, flags=re.DOTALL)
+    lid = "0 3.3 2 1 1 0 0 0  2 3.3 2 1 1 0 0 0  3 3.3 2 2.6 1 0 0 0"
+    bowled = "0 0.8 -2 1 1 0 0 0  4 0.8 6 1 1 0 0 0"
+    custom = f'<numeric name="pirrht_poses_lid" data="{lid}"/><numeric name="pirrht_poses_bowl" data="{bowled}"/>'
+    bodies = (
+        '<body name="lid" mocap="true" pos="3.3 2 1"><geom type="box" size=".2 .45 .45"/></body>'
+        '<body name="bowl" mocap="true" pos="0.8 -2 1"><geom type="sphere" size=".25"/></body>'
+    )
+    text = text.replace('size="2.8 1.8 1.3"', 'size="2.8 1.8 0.65"')  # nothing leads over the wall
+    (tmp_path / "lid.xml").write_text(
+        text.replace("</custom>", f"{custom}</custom>").replace("</worldbody>", f"{bodies}</worldbody>")
+    )
+    given = {"seed": 0, "predict": "velocity", "vertices": 300, "samples": 100}
+    scenario = prepare(tmp_path / "lid.xml", robot=robot, given=given)
+    frames = list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
+    run = frames[-1].metrics
+    assert run.outcome == "goal"
+    assert 2.0 <= run.blocked_time <= 4.0
+    waiting = np.array([frame.state for frame in frames if 1.4 < frame.end_time <= 2.0])  # the ball is coming
+    assert np.all(np.linalg.norm(waiting[:, :3] - scenario.start[:3], axis=1) > 0.45)
+    assert np.ptp(waiting[:, :3], axis=0).max() < 0.3
+    assert run.min_clearance > 0.0
 
 
 def test_a_plan_in_space_is_told_drawn_and_written(tmp_path, capsys):

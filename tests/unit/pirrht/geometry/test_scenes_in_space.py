@@ -34,7 +34,7 @@ MOVER = Mover(name="cart", solids=window().obstacles[:1], motion=Motion(rows=np.
          r"goal \(5.2, 2, 3.2\) lies outside the workspace \[0, 6\] x \[0, 4\] x \[0, 3\]"),
         ({"start": np.array([0.8, 2.0])}, r"start is \(0.8, 2\); .* in space x, y, z \[m\]"),
         ({"footprint": Footprint.rectangle(0.5, 0.4)}, "a robot in space is a ball"),
-        ({"movers": (MOVER,)}, "obstacles that move or waive margin are planar"),
+        ({"movers": (MOVER,)}, "rows of the motion of cart must be t, x, y, z and a quaternion"),
     ],
 )  # fmt: skip
 def test_what_no_scene_in_space_can_have_is_refused(changes: dict[str, Any], message: str):

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from discs import disc
 from moving import SCENES, hall, moved
+from spaces import guarded
 from trees import grown
 
-from pirrht import FreeSpace, HomologyTree, OptionError, Reference
+from pirrht import FreeSpace, HomologyTree, OptionError, Problem, Reference
 from pirrht.moving.collision import MovingObstacles
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Legs
+from pirrht.systems.ball import Ball
 from sim.tree_file import load, save
 
 START = np.array([1.0, 2.5, 0.0])
@@ -38,6 +40,38 @@ def test_all_ways_past_are_found_whatever_the_seed_and_cost_the_same(name):
         found = {one.id: one.cost for one in in_time(space, seed, 200).references(START)}
         costs.append([found[way] for way in WAYS[name]])
     assert np.all(np.ptp(costs, axis=0) < 0.012 * np.min(costs, axis=0))
+
+
+def test_no_state_is_too_fast_for_a_tree_whose_vertices_have_no_speed():
+    space = FreeSpace.of(SCENES["crossing"]())
+    assert not HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(0)).too_fast(START[:2])
+
+
+@pytest.mark.slow
+def test_references_in_space_are_free_of_what_moves_and_wait_or_hurry_for_it():
+    """Of the tree and shortened; FCL judges; the straight path at the best speed is blocked."""
+    space = FreeSpace.of(guarded())
+    problem = Problem(dynamics=Ball(b=0.2), scene=space.scene, R=2.0 * np.eye(3))
+    tree = grown(space, InTime.of(problem), 500, limit=1.0)
+    start = tree.at(space.scene.start, 0.0)
+    crowd = MovingObstacles(space.scene.movers, space.scene.footprint)
+    assert crowd.meets(start[:3], 0.0, space.scene.goal.center, 4.4)
+    plain = tree.references(start, shortened=False)
+    short = tree.references(start)
+    assert {one.id for one in short} == {one.id for one in plain} == {"0", "-1"}
+    for one in (*plain, *short):
+        path, knots = one.path.path, one.path.knots
+        assert knots[0] == pytest.approx(start)
+        assert np.linalg.norm(knots[-1, :3] - space.scene.goal.center) == pytest.approx(0.3, abs=2e-3)
+        assert space.collision.segments_free(path[:, :3], path[:, 4:7]).all()
+        assert not any(crowd.meets(row[:3], float(row[3]), row[4:7], float(row[7])) for row in path)
+        assert np.linalg.norm(np.diff(knots[:, :3], axis=0), axis=1) / np.diff(knots[:, 3]) == pytest.approx(
+            np.linalg.norm(one.trajectory.controls, axis=1)
+        )
+        assert tree.homology.winding(knots) == one.winding
+    best = {one.id: one.cost for one in plain}
+    assert all(one.cost <= best[one.id] for one in short)
+    assert 8.2 < short[0].cost < 9.0  # 4.1 m cost 8.2 unhindered
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -13,7 +13,7 @@ import pytest
 from batches import led
 from discs import disc, scene_of
 from moving import SCENES, walled
-from spaces import window
+from spaces import guarded, window
 
 from pirrht import (
     Controller,
@@ -59,13 +59,15 @@ CASES = {
     "rectangle of a rover among moving": (CROSSING, ROVER, InTime.of),
     "ball in space": (window(), Ball(b=0.2), SpaceLine.of),
     "drone in space": (window(), Drone(b=0.2), lambda problem: TrackedInSpace.of(problem, 1.0)),
+    "ball among bodies in space": (guarded(), Ball(b=0.2), InTime.of),
+    "drone among bodies in space": (guarded(), Drone(b=0.2), lambda problem: InTime.of(problem, pace=1.0)),
 }  # fmt: skip
 # Those that take long to compile.
 RARE = (
     "rectangle of a car",
     "rectangle of a rover",
     "drone in space",
-    *[name for name in CASES if "r among moving" in name],
+    *[name for name in CASES if "r among moving" in name or "among bodies" in name],
 )
 EVERY = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] if name in RARE else []) for name in CASES]

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from mjcf_samples import ON_GROUND
-from plants import QUIET, STEP, body, both, driven, hold, moving_scene, problem_of, rows, states_of
+from plants import QUIET, STEP, body, both, driven, flown_over, hold, moving_scene, problem_of, rows, states_of
 
 from pirrht import Outcome, SingleIntegrator, Unicycle
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Workspace
+from pirrht.moving.in_space import MovingSolids
+from pirrht.systems.ball import Ball
 from sim.mjcf import load
 from sim.scenario import prepare
 
@@ -177,3 +179,69 @@ def test_the_least_clearance_is_that_to_static_and_moving_obstacles_after_every_
                 there = Workspace(-EVERYWHERE, EVERYWHERE, (*loaded.scene.obstacles, *solids))
                 least = min(least, float(Collision(there, loaded.scene.body).clearance(x[None, :2])[0]))
             assert advance.clearance == pytest.approx(least, abs=1e-9)
+
+
+def in_air(file, period: float = 0.1):
+    """Loaded scene of a ball of 0.12 m in space, and both of its plants."""
+    loaded = load(file, radius=0.12, margin=0.0)
+    return loaded, both(loaded, problem_of(loaded, Ball(b=QUIET)), period)
+
+
+HALF = 0.7071067811865476
+TUMBLE = f"0 2 1 -1 1 0 0 0  0.4 1 0 1 {HALF} {HALF} 0 0  0.9 -2 1 2 0 0 1 0"
+AIR = {  # geom, poses, when a ball of 0.12 m at the origin is touched
+    "a ball at 1.3 m/s": ('type="sphere" size=".3"', "0 0 0 2 1 0 0 0  2 0 0 -0.6 1 0 0 0", (2 - 0.42) / 1.3),
+    "a bar that tips over": (
+        'type="box" size=".05 .05 2"', f"0 1 0 0 1 0 0 0  1 1 0 0 {HALF} 0 {HALF} 0",
+        float(np.arccos(0.17) / (np.pi / 2)),  # its middle line is cos(angle) from the origin
+    ),
+    "a capsule on its side": (
+        'type="capsule" size=".1 1"', f"0 0 -2 0 {HALF} 0 {HALF} 0  1 0 1 0 {HALF} 0 {HALF} 0", (2 - 0.22) / 3
+    ),
+}  # fmt: skip
+
+
+def test_mujocos_bodies_in_space_are_and_are_turned_as_their_motions_say(tmp_path):
+    file = flown_over(tmp_path, 'type="box" size=".2 .1 .3" pos=".1 0 .2"', TUMBLE, repeat=True)
+    loaded, (plant, _) = in_air(file)
+    [mover] = loaded.scene.movers
+    for begin in (0.0, 3.0):
+        plant.reset(np.array([20.0, 0.0, 0.0]), time=begin)
+        for _ in range(7):
+            plant.advance(hold(0.0, 0.0, 0.0), np.random.default_rng(0))
+            [geom] = mover.at(plant.time)
+            np.testing.assert_allclose(plant.data.geom("b").xpos, geom.position, atol=1e-12)
+            np.testing.assert_allclose(plant.data.geom("b").xmat.reshape(3, 3), geom.rotation, atol=1e-9)
+
+
+@pytest.mark.parametrize("case", AIR)
+def test_a_resting_ball_that_a_body_flies_into_collides_when_the_geometry_says(tmp_path, case):
+    geom, poses, when = AIR[case]
+    _, plants = in_air(flown_over(tmp_path, geom, poses))
+    for plant in plants:
+        assert when - 1e-6 <= hit(plant, periods=20)[0] <= when + STEP + 1e-6
+
+
+@pytest.mark.slow
+def test_mujocos_contact_comes_in_the_step_in_which_samples_meet_a_body_that_tumbles(tmp_path):
+    """30 straight flights without noise past one box; kernels and contacts agree which meet it, and when."""
+    rng, met = np.random.default_rng(5), 0
+    loaded, (plant, _) = in_air(flown_over(tmp_path, 'type="box" size=".5 .15 .7"', TUMBLE))
+    bodies = MovingSolids.of(loaded.scene)
+    for _ in range(30):
+        a = rng.uniform(-2.0, 2.0, 3)
+        b = a + (rng.uniform(-0.5, 0.5, 3) - 0.7 * a)
+        if bodies.distance(a, 0.0) <= 0.0:
+            continue
+        times = STEP * np.arange(1, 501)
+        touched = [bodies.clearance(tuple(a + t * (b - a)), t) <= 0.0 for t in times]
+        plant.reset(a)
+        outcome = None
+        for _ in range(10):
+            if (outcome := plant.advance(hold(*(b - a)), rng).outcome) is not None:
+                break
+        assert (outcome is Outcome.COLLISION) == any(touched)
+        if outcome is not None:
+            met += 1
+            assert plant.time == pytest.approx(times[np.argmax(touched)], abs=STEP + 1e-6)
+    assert 5 <= met <= 25

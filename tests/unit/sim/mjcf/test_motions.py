@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from mjcf_samples import refusal
-from plants import body, moving_scene, rows
+from plants import body, flown_over, moving_scene, rows
 from repository import ROOT
 
+from pirrht.geometry.obstacle import about_vertical
 from pirrht.geometry.scene import Kind
 from sim.mjcf import load
 
@@ -112,3 +113,54 @@ def test_the_start_that_counts_is_the_one_given_and_the_footprint_there_is_what_
     world = body("b", 'type="box" size=".002 .002 .2"', "0 0.149 0.1")  # the unicycle itself does not reach there
     path = moving_scene(tmp_path, world, rows("b", "0 0 0.149 0  1 0 5 0"))
     assert 'body "b"' in refusal(path, robot="unicycle")
+
+
+def test_rows_of_poses_move_a_body_in_space_and_a_motion_about_the_vertical_becomes_such_rows(tmp_path):
+    box = 'type="box" size=".3 .1 .2" pos=".2 .1 0" euler="10 20 30"'
+    poses = "0 2 1 3 0.6 0 0.8 0  1 5 1 4 1 0 0 0"
+    [mover] = load(flown_over(tmp_path, box, poses, repeat=True)).scene.movers
+    assert mover.motion.in_space
+    assert mover.motion.repeat
+    np.testing.assert_allclose(mover.motion.rows[0], [0, 2, 1, 3, 0.6, 0, 0.8, 0])
+    world = body("b", box, "2 0 0.1", more='euler="0 0 40"')
+    [standing] = load(moving_scene(tmp_path, world, "")).scene.obstacles
+    file = moving_scene(tmp_path, world, rows("b", f"0 2 0 {np.radians(40)}  1 4 0 6"))
+    yaw = np.radians(40)
+    file.write_text(file.read_text().replace('type="cylinder" pos="45', 'type="sphere" pos="45'))
+    [mover] = load(file, robot="ball").scene.movers
+    [there] = mover.at(0.0)
+    np.testing.assert_allclose(there.position, standing.position, atol=1e-12)
+    np.testing.assert_allclose(there.rotation, standing.rotation, atol=1e-12)
+    [later] = mover.at(0.7)
+    turn = about_vertical(0.7 * (6 - yaw))
+    np.testing.assert_allclose(later.rotation, turn @ standing.rotation, atol=1e-9)
+    off = standing.position - [2.0, 0.0, 0.0]
+    np.testing.assert_allclose(later.position, turn @ off + [3.4, 0.0, 0.0], atol=1e-9)
+
+
+POSED = "0 2 0 1 1 0 0 0"
+WRONG = [  # rows, robot, words of the message
+    (f"{POSED} 1 3 0 1", None, ('"pirrht_poses_b"', "12 numbers", "t x y z", "quaternion w x y z")),
+    (f"{POSED}  1 3 0 1 0 0 0 0", None, ("quaternion of row 2", "is 0")),
+    (f"{POSED}  0 3 0 1 1 0 0 0", None, ("row 2", "times must increase")),
+    (f"{POSED}  1 3 0 1 1 0 0 0", "puck", ('body "b" moves in space', 'write "pirrht_motion_b"', "robot in space")),
+]
+
+
+@pytest.mark.parametrize(("poses", "robot", "words"), WRONG)
+def test_rows_of_poses_that_cannot_be_are_refused_with_a_remedy(tmp_path, poses, robot, words):
+    file = flown_over(tmp_path, 'type="sphere" size=".3"', poses)
+    if robot:
+        file.write_text(file.read_text().replace('type="sphere" pos="45', 'type="cylinder" pos="45'))
+    message = refusal(file, robot=robot)
+    assert all(word in message for word in words), message
+
+
+def test_a_body_that_stands_elsewhere_or_has_two_motions_is_refused(tmp_path):
+    file = flown_over(tmp_path, 'type="sphere" size=".3"', f"{POSED}  1 3 0 1 1 0 0 0")
+    text = file.read_text()
+    file.write_text(text.replace('quat="1 0 0 0"', 'quat="0 1 0 0"'))
+    message = refusal(file)
+    assert all(word in message for word in ('body "b" stands at (2, 0, 1) with quat 0 1 0 0', "a jump at the start"))
+    file.write_text(text.replace("</custom>", rows("b", "0 2 0 0") + "</custom>"))
+    assert 'body "b" has two motions' in refusal(file)
