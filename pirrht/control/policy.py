@@ -8,6 +8,7 @@ from numbers import Real
 
 import numpy as np
 
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.prediction import ConstantVelocity
@@ -124,14 +125,13 @@ class Policy(ABC):
             (not self.space.scene.world.contains(place), "outside the workspace"),
         ):
             if lost:
-                raise OptionError(
-                    f"a plan at ({place[0]:.4g}, {place[1]:.4g}) is {where}; no control leads on from there"
-                )
+                raise OptionError(f"a plan at {formatting.vector(place)} is {where}; no control leads on from there")
         if last is not None and not np.array_equal(x, last):
+            before = self.problem.dynamics.place(last)
             warnings.warn(
-                f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({last[0]:.4g}, {last[1]:.4g}), and nothing was "
-                "observed in between: call step(x, dt) for each control, or observe(states, dt) after it; begin(x) if "
-                "this is another run",
+                f"a plan at {formatting.vector(place)} after one at {formatting.vector(before)}, and nothing was "
+                "observed in between: call step(x, dt) for each control, or observe(states, dt) after it; begin(x) if this is "
+                "another run",
                 RuntimeWarning, stacklevel=3,
             )  # fmt: skip
         self.run.queried = x

@@ -78,10 +78,7 @@ class ProposalFactory:
             self.guidance.warm_up(x)
         if self.climbs or self.climbs_too:
             line = np.array([self.problem.dynamics.place(x), self.problem.scene.goal.center])
-            if self.in_space:
-                self._over_grid(x, [line], 0, {})(x, 0.0)
-            else:
-                self.climbing(x, line[1:])(x, 0.0)
+            self._climbed(x, [line], 0, {})(x, 0.0)
         self.world.setup.world.clearance(self._pose(x))
 
     def controls(
@@ -102,10 +99,7 @@ class ProposalFactory:
             least = most - self.tuning.hopeless if drops else -math.inf
             control: DesirabilityAscent | GridAscent | None = None
             if self.climbs and -decay * trajectory.length >= least:  # log psi without walls
-                if self.in_space:
-                    control = self._over_grid(x, lines, k, known)
-                else:
-                    control = self.climbing(x, lines[k][1:])
+                control = self._climbed(x, lines, k, known)
             promise = -math.inf if control is None else control.promise
             worth = control is not None and promise >= least
             found.append(control if worth and control else Tape(times, trajectory.tape(times), promise))
@@ -134,10 +128,15 @@ class ProposalFactory:
         goal = self.space.scene.goal.center
         return np.vstack([trajectory.path.tails[:, : len(goal)], goal])
 
-    def _over_grid(
+    def _climbed(
         self, x: Array, lines: Sequence[Array], own: int, grids: MutableMapping[int, DesirabilityGrid]
-    ) -> GridAscent:
-        """Return the ascent from x (n,) of the class of one of some lines (k, 3) [m] to the goal point."""
+    ) -> DesirabilityAscent | GridAscent:
+        """Return the ascent from x (n,) of the class of one of some lines (k, d) [m] to the goal point.
+
+        In space it is over the grid of that number, which is added if it is not known.
+        """
+        if not self.in_space:
+            return self.climbing(x, lines[own][1:])
         scales = self.scales(x)
         if own not in grids:
             grids[own] = DesirabilityGrid.of(self.space, self._soft, lines, own, scales.decay, scales.wall_offset)
@@ -227,8 +226,9 @@ class ProposalFactory:
         tables = ProposalTables(
             control=np.zeros((H, T, d.m)), drift=np.zeros((H, T, d.m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_tubes(H, max(C, 2), max(J, PROPOSALS.nodes), scales.decay), wall_offset=scales.wall_offset if drifts else 0.0,
-            set_back=self.set_back, least=least if self.sampling.fitted else np.inf,
+            ways=no_tubes(H, max(C, 2), max(J, PROPOSALS.nodes), scales.decay),
+            wall_offset=scales.wall_offset if drifts else 0.0, set_back=self.set_back,
+            least=least if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",

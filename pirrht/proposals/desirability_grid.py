@@ -44,7 +44,7 @@ LATTICE: Any = Lattice
 
 @inlined
 def _arm(grid, i, j, k, axis, move):  # type: ignore[no-untyped-def]
-    """Return psi at the end of an arm of a free point as a share of psi there, its length [m], and if it ends at the goal."""
+    """Return psi at the end of an arm over that at its point, its length [m], and whether it ends at the goal."""
     a = i + (move if axis == 0 else 0)
     b = j + (move if axis == 1 else 0)
     c = k + (move if axis == 2 else 0)
@@ -158,7 +158,7 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
 
     @kernel
     def seen(static, line, places):  # type: ignore[no-untyped-def]
-        """Return for places (j, 3) the nearest ones on a line (k, 3), (j, 3) [m], and whether a free piece joins both."""
+        """Return for places (j, 3) [m] the nearest ones on a line (k, 3), and whether a free piece joins both."""
         nearest = np.empty_like(places)
         free = np.empty(len(places), dtype=np.bool_)
         for i in range(len(places)):
@@ -285,6 +285,7 @@ def barriers(space: FreeSpace, lines: Sequence[Array], own: int) -> Array:
     """
     seen, *_ = kernels_of(space.static.kernels)
     line = lines[own]
+    along = places_along(line)
     found = [np.empty((0, 3))]
     for other in (one for k, one in enumerate(lines) if k != own):
         places = places_along(other)
@@ -293,10 +294,8 @@ def barriers(space: FreeSpace, lines: Sequence[Array], own: int) -> Array:
 
         def class_by(i: int, places: Array = places, nearest: Array = nearest) -> tuple[int, ...]:
             """Return the class of the path that changes over at place i."""
-            before = places_along(line)
-            _, away = before, np.linalg.norm(before - nearest[i], axis=1)
-            way = np.vstack([before[: int(np.argmin(away)) + 1], nearest[i], places[i:]])
-            return space.homology.winding(way)
+            last = int(np.argmin(np.linalg.norm(along - nearest[i], axis=1)))
+            return space.homology.winding(np.vstack([along[: last + 1], nearest[i], places[i:]]))
 
         for first, last in zip(ends[::2], ends[1::2], strict=False):
             if class_by(int(first)) != class_by(int(last) + 1):
@@ -311,7 +310,7 @@ def relaxed(space: FreeSpace, world: World, line: Array, others: Array, decay: f
     """
     lower = space.scene.lower
     shape = tuple(np.ceil((space.scene.upper - lower) / spacing - 1e-9).astype(int) + 1)
-    grid = LATTICE(lower, spacing, *(np.empty(shape) for _ in range(4)))
+    grid: Lattice = LATTICE(lower, spacing, *(np.empty(shape) for _ in range(4)))
     _, describe, _ = kernels_of(space.static.kernels)
     describe(world, grid, line, others, decay)
     if grid.gap.size > TUNING.grid_coarsest:

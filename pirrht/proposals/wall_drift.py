@@ -199,7 +199,7 @@ class FlatWalls(NamedTuple):
         now = self.drift.walls(self.x)
         then = self.drift.walls(self.x, TUNING.wall_step)
 
-        slope = np.zeros(self.drift.static.kernels.position)
+        slope = np.zeros(len(self.x))
         velocity = self.drift.gains(self.x) @ mean
         B = self.drift.problem.dynamics.B_c(self.x)
 

@@ -212,14 +212,18 @@ class Path:
         self.gap, self.last = gap, self.dt
 
     def aim(self, g: int, i: int, share: float) -> None:
-        """Set a_g: of a tube, a law or a control sequence, with wall drift unless tube or law has it."""
+        """Set a_g: of a tube, a grid, a law or a control sequence, with wall drift unless tube or law has it."""
         kind = self.kind
         climbs = kind.traits.isotropic_point and self.tables.ways.count[g] > 0
+        in_space = len(kind.position) == 3
         led = kind.takes_law and self.tables.law_length[g] > 0
-        self.a[g] = self.along_tube(g) if climbs else self.along_law(g, i, share) if led else 0.0
+        if climbs:
+            self.a[g] = self.along_grid(g) if in_space else self.along_tube(g)
+        else:
+            self.a[g] = self.along_law(g, i, share) if led else 0.0
         if i < self.tables.active[g]:
             self.a[g, : kind.m] += self.gain @ self.tables.control[g, i]
-        if self.pushes and not climbs and (kind.gated or not led):
+        if self.pushes and (in_space or not climbs) and (kind.gated or not led):
             self.a[g, : kind.m] += self.push
 
     def along_tube(self, g: int) -> Array:
@@ -230,6 +234,11 @@ class Path:
         self.row[g] = tubes.tube_at(*at, x, y, out, 0, 1)
         c, n, e, m = self.walls
         return self.along_noise(tubes.slope_of(out, 0, 1, (c, *n, e, *m)))
+
+    def along_grid(self, g: int) -> Array:
+        """Return B' grad log psi of the class of a grid in space, without wall drift."""
+        place = self.x[self.reads].tolist()
+        return self.along_noise(np.array(tubes.grid_slope(tubes.tube_of(self.tables.ways, g), *place)))
 
     def along_law(self, g: int, i: int, share: float) -> Array:
         """Return a + K (x - x_ref) of a law's row: of the one due among moving obstacles, else of the nearest."""

@@ -122,7 +122,8 @@ def losses(weak: Weak, h: int) -> dict[str, Any]:
     knots = np.unique(np.linspace(0, last, KNOTS + 1).astype(int))
     states = backend.replay(rollouts.setup, tables, origin, np.arange(MANY))[0][:, : last + 1]
     under_way = paths.steps[:, None] >= np.arange(last + 1)
-    mean = np.einsum("st,stn->tn", under_way, problem.dynamics.place(states)) / np.maximum(under_way.sum(axis=0), 1)[:, None]
+    total = np.einsum("st,std->td", under_way, problem.dynamics.place(states))
+    mean = total / np.maximum(under_way.sum(axis=0), 1)[:, None]
     clear = np.minimum.reduceat(weak.scenario.space.collision.clearance(mean), knots[:-1])
     passed = np.array([0.0 * log_weight, *(sampled(k)[1] for k in knots[1:])])[:, arrived]
     variance = increments(passed, states[arrived], paths.steps[arrived], knots)
