@@ -130,8 +130,8 @@ class Policy(ABC):
             before = self.problem.dynamics.place(last)
             warnings.warn(
                 f"a plan at {formatting.vector(place)} after one at {formatting.vector(before)}, and nothing was "
-                "observed in between: call step(x, dt) for each control, or observe(states, dt) after it; begin(x) if this is "
-                "another run",
+                "observed in between: call step(x, dt) for each control, or observe(states, dt) after it; begin(x) if "
+                "this is another run",
                 RuntimeWarning, stacklevel=3,
             )  # fmt: skip
         self.run.queried = x

@@ -69,7 +69,7 @@ def test_of_all_classes_together_it_is_the_exact_one_within_a_nat(which):
     controller = controller_in(which)
     truth = Desirability.of(controller.problem, controller.space, spacing=0.07)
     best = grid_in(controller)
-    for x in (controller.space.scene.start, [*controller.space.scene.start, 0.7, 0.3, 0.2]):
+    for x in (controller.space.scene.start, np.add(controller.space.scene.start, (0.7, 0.3, 0.2))):
         value = -best.at(x) * controller.problem.temperature
         assert value == pytest.approx(float(truth.value(x)), abs=controller.problem.temperature)
 
@@ -111,6 +111,6 @@ def test_a_run_solves_for_a_class_once():
     controller.begin(x)
     controller.step(x, 0.05)
     first = dict(controller.run.starts.grids)
-    controller.step([*x, 0.05, 0.0, 0.0], 0.05)
+    controller.step(np.add(x, (0.05, 0.0, 0.0)), 0.05)
     assert first
     assert all(controller.run.starts.grids[one] is grid for one, grid in first.items())
