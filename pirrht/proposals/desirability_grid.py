@@ -194,7 +194,7 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
                         ey = y - barriers[b, 1]
                         ez = z - barriers[b, 2]
                         if ex * ex + ey * ey + ez * ez < near * near:
-                            grid.rate[i, j, k] = TUNING.grid_dearer * square
+                            grid.rate[i, j, k] = TUNING.grid_costlier * square
                             break
                     if grid.rim[i, j, k] <= 0.0:
                         grid.log_psi[i, j, k] = 0.0
@@ -232,7 +232,7 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
                             rise = (front - 1.0) / ahead - bend * ahead
                         out[i, j, k, axis] = rise
                         square += rise * rise
-                    # Where it is dearer the slope leads back, and no more steeply than elsewhere.
+                    # Where it costs more, the slope leads back, and no more steeply than elsewhere.
                     steep = decay / math.sqrt(square) if grid.rate[i, j, k] > 2.0 * decay * decay else 1.0
                     for axis in range(3):
                         out[i, j, k, axis] = min(steep, 1.0) * out[i, j, k, axis] - push[axis]

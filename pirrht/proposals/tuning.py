@@ -99,7 +99,7 @@ class ProposalTuning(NamedTuple):
     grid_lengths: float = 0.5  # spacing at most, in decay lengths 1/k
     grid_spacings: float = 1.5  # and in spacings of the clearance
     grid_points: float = 3e5  # at most; more cost time
-    grid_dearer: float = 9.0  # of k^2 where another class's reference is nearer, so that hardly anything goes there,
+    grid_costlier: float = 9.0  # of k^2 where another class's reference is nearer, so that hardly anything goes there,
     grid_nearer: float = 0.9  # at no more than this share of the distance to the own one
     grid_step: float = 0.1  # between places on references where obstacles may separate them [m]
     grid_coarsest: int = 4000  # points of the first of several grids
