@@ -1,6 +1,6 @@
 """Pictures of every scene for docs/gallery: a still and a short loop, both of one drive, as MuJoCo shows it.
 
-Two loops show what noise does to a choice: two drives of one scene side by side, with little noise and with much.
+Three loops show what noise does to a choice: two drives of one scene side by side, with little noise and with much.
 """
 
 import argparse
@@ -23,6 +23,7 @@ from sim.mjcf import load, scene_names
 from sim.scenario import prepare
 
 STILL, LOOP = (960, 540), (400, 225)  # width and height of the pictures
+HALF = (380, 300)  # of one of two films
 SHOTS, PAUSE = 32, 900  # pictures of a loop, and how long its last one stays [ms]
 SECONDS = 4.0  # of a loop
 NOISES = (0.1, 0.3)  # of the value
@@ -33,6 +34,7 @@ NOTE = (
     "thin: sampled futures; grey: those that hit something; outlines: where the door will be; bar: how probable each "
     "way is"
 )
+WIND = "thin: sampled flights in the colour of their way; grey: those that never arrive; yellow: flown"
 DASHES = {"0,0": "through the gap", "-1,0": "around the wall"}
 
 
@@ -43,12 +45,17 @@ class Pair:
     scene: str
     noises: tuple[float, float]
     ways: Mapping[str, str]  # what to call classes, by id
+    labels: tuple[str, str] = ("little noise", "much noise")
     seed: int = 0  # added to the one that is asked for
     note: str | None = None  # what is to be seen in it
 
 
 PAIRS = {
     "opening": Pair(scene="slit", noises=NOISES, ways=DEMO_PATHS),
+    "wind": Pair(
+        scene="gust", noises=(0.1, 0.5), ways={"0": "over the wall", "1": "through the window"},
+        labels=("light wind: noise 0.1", "strong gusts: noise 0.5"), note=WIND,
+    ),
     "closing_door-noise": Pair(scene="closing_door", noises=NOISES, ways=DASHES, note=NOTE),
 }
 HEAD = """# Gallery
@@ -60,10 +67,12 @@ probable and a few samples, and the whole run. `pirrht run SCENE --record FILE.r
 """
 
 
-def drive(name: str, given: dict[str, Any]) -> tuple[Film, float]:
+def drive(
+    name: str, given: dict[str, Any], *, size: tuple[int, int] | None = None, ways: Mapping[str, str] | None = None
+) -> tuple[Film, float]:
     """Drive once; returns a film of it and how long it took [s]."""
     scenario = prepare(name, given=given)
-    film = Film(scenario.loaded, size=STILL)
+    film = Film(scenario.loaded, size=size or STILL, ways=ways)
     driver = scenario.driver(scenario.grown_tree())
     time = 0.0
     for frame in scenario.drive(scenario.plant(), driver):
@@ -79,14 +88,16 @@ def side_by_side(pair: Pair, file: Path, given: dict[str, Any], shots: int) -> N
     from pirrht.plotting.maps import pyplot
 
     seeded = {**given, "seed": given["seed"] + pair.seed}
-    scenarios = [prepare(pair.scene, given={**seeded, "noise": noise}) for noise in pair.noises]
-    drives = [snapshots.drive(scenario, (0.0,)) for scenario in scenarios]
-    last = max(one.frames[-1].end_time for one in drives)
-    labels = [f"{much} noise" for much in ("little", "much")]
-    times = np.linspace(0.0, last, shots).tolist()
-    plt, look = pyplot("this script"), {"labels": labels, "times": times, "ways": pair.ways}
+    choices = [{**seeded, "noise": noise} for noise in pair.noises]
+    plt, look = pyplot("this script"), {"labels": pair.labels}
     look |= {} if pair.note is None else {"note": pair.note}
-    made = list(opening.pictures(plt, drives, **look))
+    if load(pair.scene).scene.dimension == 3:
+        films, ends = zip(*(drive(pair.scene, one, size=HALF, ways=pair.ways) for one in choices), strict=True)
+        made = list(opening.filmed(plt, films, times=np.linspace(0.0, max(ends), shots).tolist(), **look))
+    else:
+        drives = [snapshots.drive(prepare(pair.scene, given=one), (0.0,)) for one in choices]
+        times = np.linspace(0.0, max(one.frames[-1].end_time for one in drives), shots).tolist()
+        made = list(opening.pictures(plt, drives, times=times, ways=pair.ways, **look))
     height, width, _ = made[0].shape
     write_loop(made, file, size=(width, height), quality=45)
 

@@ -8,7 +8,7 @@ import importlib
 import os
 import sys
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from math import atan2, degrees, hypot
 from operator import itemgetter
@@ -69,6 +69,7 @@ class Film:
         video: the film's file, .mp4.
         still: the file of its last picture, .png.
         size: of pictures that `shots` returns, width and height.
+        ways: what to call classes, by id; others by what they pass, or by their titles.
 
     Raises:
         OptionError: files that cannot be made, for want of a library, of graphics or of the right ending.
@@ -76,7 +77,7 @@ class Film:
 
     def __init__(
         self, loaded: Loaded, *, video: Path | None = None, still: Path | None = None,
-        size: tuple[int, int] | None = None,
+        size: tuple[int, int] | None = None, ways: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
         wide, high = size or (WIDTH, HEIGHT)
         self._video, self._still = video, still
@@ -131,7 +132,9 @@ class Film:
         self._path: list[Array] = []  # rows of a time [s], a state, and perhaps an attitude
         self._plans: list[tuple[float, Plan, dict[str, Fan], dict[str, str]]] = []  # with their times [s]
         self._drawn, self._samples = -np.inf, dict[str, Fan]()  # what was drawn last, and when [s]
-        self._words = dict[str, str]()  # of ways in space, by class
+        self._ways = dict(ways or {})
+        self._words = self._ways  # of classes now, in space
+        self._end = ""  # how the run ended
         self._loaded = loaded
 
     def add(self, frame: Frame, path_integral: PathIntegral | None = None) -> None:
@@ -147,8 +150,9 @@ class Film:
                 self._samples = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
             if plan.space is not None:
                 ways = ways_in(plan.space, plan.references, names_of(self._loaded, plan.space))
-                self._words = dict(zip(plan.ids, ways, strict=False))
+                self._words = dict(zip(plan.ids, ways, strict=False)) | self._ways
         self._plans.append((frame.time, plan, self._samples, self._words))
+        self._end = "" if frame.outcome is None else f"{frame.outcome.name.lower()} after "
         self._colors.meet(plan.ids)
 
     @property
@@ -198,11 +202,11 @@ class Film:
 
         self._pose(state, now)
         _, plan, samples, words = self._plans[bisect_right(self._plans, time + 1e-9, key=itemgetter(0)) - 1]
-        weights = plan.estimate.class_weights if plan.estimate else {}
-        for reference, name in zip(plan.references, plan.ids, strict=True):
+        weights = plan.estimate.class_weights if plan.estimate and not over else {}
+        for reference, name in () if over else zip(plan.references, plan.ids, strict=True):
             radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
             self._line(at_most(reference.trajectory.points, REFERENCE_POINTS), 0.02, self._colors[name], radius)
-        for name, fan in samples.items():  # the heavier the stronger; grey ones do not arrive
+        for name, fan in () if over else samples.items():  # the heavier the stronger; grey ones do not arrive
             color = DEAD_COLOR if name == DEAD else self._colors[name]
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
             for strip, share in zip(fan.strips.astype(float), opacity, strict=True):
@@ -224,7 +228,7 @@ class Film:
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
         texts = [f"{words.get(n, title(n))}  {100 * weights[n]:.0f} %" for n in heavy]
         rows = [(text, blend(self._colors[n], (255, 255, 255), 0.3)) for text, n in zip(texts, heavy, strict=True)]
-        return self._draw([(f"{now:.1f} s", INK), *rows])
+        return self._draw([(f"{self._end if over else ''}{now:.1f} s", INK), *rows])
 
     def _pose(self, state: Array, time: float) -> None:
         """Place all bodies as in a state, perhaps with an attitude, at a time [s]; what was drawn before is gone."""

@@ -10,6 +10,7 @@ from figures import ground, snapshots, style
 from figures.snapshots import Drive
 from pirrht.plotting.colors import ClassColors
 from sim.drawing.colors import title
+from sim.film import Film
 
 WIDTH, DPI = 7.6, 100  # of a picture [in], and its dots per inch
 MARGIN = 0.9  # of the workspace that is left out above and below [m]
@@ -50,6 +51,25 @@ def pictures(
             ground.frame(axes, low, high)
             axes.set_axis_off()
         figure.text(0.01, 0.03 / height, note, fontsize=8.5, color=style.INK)
+        yield pixels(figure)
+        plt.close(figure)
+
+
+def filmed(
+    plt: Any, films: Sequence[Film], *, labels: Sequence[str], times: Sequence[float], note: str = NOTE
+) -> Iterator[NDArray[np.uint8]]:
+    """Pictures (height, width, 3) of all films at each time [s], in MuJoCo's look; `labels` and `note` as above."""
+    shots = [film.shots(times) for film in films]
+    high, wide, _ = shots[0][0].shape
+    height = WIDTH / len(films) * high / wide
+    for row in zip(*shots, strict=True):
+        figure, panels = plt.subplots(1, len(films), figsize=(WIDTH, height + 0.5), squeeze=False, dpi=DPI)
+        figure.subplots_adjust(0.0, 0.22 / (height + 0.5), 1.0, 1.0 - 0.26 / (height + 0.5), wspace=0.02)
+        for axes, picture, label in zip(panels[0], row, labels, strict=True):
+            axes.imshow(picture)
+            axes.set_title(label, fontsize=10, loc="left", pad=4)
+            axes.set_axis_off()
+        figure.text(0.0, 0.02, note, fontsize=8.5, color=style.INK)
         yield pixels(figure)
         plt.close(figure)
 
