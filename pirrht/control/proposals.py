@@ -76,12 +76,11 @@ class ProposalBuilder:
 
         @cache
         def others_of(k: int) -> list[ProposalControl]:
-            """Return the other local optimum of the k-th class, or the ascent of psi of a point, and the user's own."""
-            if optima := starts.optima.get(classes[k], [])[1:]:
-                second: ProposalControl | None = self._followed(optima[0], times)
-            else:
-                second = integral.proposals.defensive(x, references[k].trajectory, run.now)
-            found = [second, *(propose(x, proposals[k].lead) for propose in self.propose)]
+            """Return the other local optima of the k-th class, or the ascent of psi of a point, and the user's own."""
+            found: list[ProposalControl | None] = []
+            found += (self._followed(guide, times) for guide in starts.optima.get(classes[k], [])[1:])
+            found = found or [integral.proposals.defensive(x, references[k].trajectory, run.now)]
+            found += (propose(x, proposals[k].lead) for propose in self.propose)
             return [one for one in found if one is not None]
 
         batch = Batch(state=x, times=times, proposals=proposals, time=run.now, others=others)

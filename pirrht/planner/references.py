@@ -79,7 +79,7 @@ class ReferenceQuery(NamedTuple):
         classes = self._classes(x, edges, rows, known)
         if not classes:
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit)
-        several = self.shortened and not known and steering.timed
+        several = self.shortened and not known and steering.several
 
         def of_class(winding: tuple[int, ...]) -> tuple[bool, list[Any]]:
             """Return true and a path that has been shortened, or false and paths to shorten, cheapest first."""
@@ -95,15 +95,15 @@ class ReferenceQuery(NamedTuple):
         fresh = [i for i, (resumed, _) in enumerate(found) if worth[i] and not resumed]
         if known and steering.timed:
             fresh = [] if self.over_budget() else fresh[: TUNING.new_classes]
-        paths = [options[0] for _, options in found]
-        for i, path in self._shortest({i: found[i][1] for i in fresh}).items():
-            paths[i] = path
+        paths = [options[:1] for _, options in found]
+        for i, some in self._shortest({i: found[i][1] for i in fresh}).items():
+            paths[i] = some
         references = [
             Reference(
                 winding=winding, signature=homology.signature(x, winding), trajectory=steering.trajectory(path),
-                named=homology.named,
+                named=homology.named, alternatives=tuple(map(steering.trajectory, others)),
             )
-            for winding, path in zip(classes, paths, strict=True)
+            for winding, (path, *others) in zip(classes, paths, strict=True)
         ]  # fmt: skip
         return sorted(references, key=lambda reference: reference.cost)
 
@@ -115,13 +115,32 @@ class ReferenceQuery(NamedTuple):
         earlier = [self.before[one].cost.sum() if one in self.before else np.inf for one in classes]
         return [min((1.0 - TUNING.saving) * cost, other) <= bound for cost, other in zip(costs, earlier, strict=True)]
 
-    def _shortest(self, options: Mapping[int, list[Any]]) -> dict[int, Any]:
-        """Shorten paths, of which there are some for each number; return the cheapest of each."""
+    def _shortest(self, options: Mapping[int, list[Any]]) -> dict[int, list[Any]]:
+        """Shorten paths, of which there are some for each number; return those of each, cheapest first.
+
+        In space and time that is the cheapest alone, else all that are no deformation of a cheaper one.
+        """
         steering, checker = self.steering, self.tree.checker
         each = [(i, path) for i, some in options.items() for path in some]
         short = mapped(lambda one: (one[0], steering.shorten(one[1], checker)), each, self.threads)
-        own = {i: [path for j, path in short if j == i] for i in options}
-        return {i: min(some, key=lambda path: float(path.cost.sum())) for i, some in own.items()}
+        own = {i: sorted((path for j, path in short if j == i), key=lambda path: path.cost.sum()) for i in options}
+        return {i: some[:1] if steering.timed else self._apart(some) for i, some in own.items()}
+
+    def _apart(self, paths: Sequence[Any]) -> list[Any]:
+        """Return paths of a class, cheapest first, that are none a deformation of a cheaper one.
+
+        One is if places of equal shares of both see each other (visibility deformation: Jaillet and Simeon, 2008).
+        """
+        space = self.tree.space
+        shares = np.linspace(0.0, 1.0, TUNING.stations)
+        kept: list[tuple[Any, Array]] = []
+        for path in paths:
+            corners = np.vstack([path.tails, path.heads[-1:]])[:, : len(space.scene.goal.center)]
+            length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
+            places = np.column_stack([np.interp(shares * length[-1], length, axis) for axis in corners.T])
+            if not any(space.collision.segments_free(places, other).all() for _, other in kept):
+                kept.append((path, places))
+        return [path for path, _ in kept[: TUNING.optima]]
 
     def _classes(self, x: Array, edges: Edges, rows: Any, known: Mapping[tuple[int, ...], Motions]) -> dict[Any, Any]:
         """The cheapest row of every allowed class by its winding, cheapest first.
@@ -160,6 +179,8 @@ class ReferenceQuery(NamedTuple):
     def _optima(self, x: Array, edges: Edges, rows: Any) -> list[Any]:
         """Paths of a class, each apart from all cheaper ones: they may end in different local optima."""
         rows = rows[rows["cost"] <= (1.0 + TUNING.optima_excess) * rows["cost"][0]]
+        if not self.steering.timed:
+            return self._apart([self._path(x, edges, row) for row in rows])
         goal = self.tree.space.scene.goal.center
         far = TUNING.optima_apart * float(np.hypot.reduce(x[: len(goal)] - goal))
         paths = [self._path(x, edges, row) for row in rows[:: 1 + len(rows) // TUNING.optima_tried]]

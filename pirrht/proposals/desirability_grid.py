@@ -133,7 +133,9 @@ def refine(coarse, grid):  # type: ignore[no-untyped-def]
 @kernel
 def to_line(line, x, y, z):  # type: ignore[no-untyped-def]
     """Return the nearest place on a line (k, 3) [m], its distance, and how far it is from there to the end."""
-    nearest, left, place = math.inf, 0.0, (x, y, z)
+    nearest = math.inf
+    place = (x, y, z)
+    left = 0.0
     rest = 0.0
     for s in range(line.shape[0] - 2, -1, -1):
         ux = line[s + 1, 0] - line[s, 0]
@@ -243,9 +245,8 @@ def kernels_of(space: SpaceKernels) -> tuple[Any, Any, Any]:
 
 @kernel
 def extend(out):  # type: ignore[no-untyped-def]
-    """Give points of out (nx, ny, nz, 4) that are not known the mean of known neighbours; return how many are left."""
+    """Give points of out (nx, ny, nz, 4) that are not known the mean of known neighbours."""
     nx, ny, nz, _ = out.shape
-    left = 0
     known = out[:, :, :, 3].copy()
     for i in range(nx):
         for j in range(ny):
@@ -264,9 +265,6 @@ def extend(out):  # type: ignore[no-untyped-def]
                     for axis in range(3):
                         out[i, j, k, axis] /= total
                     out[i, j, k, 3] = 1.0
-                else:
-                    left += 1
-    return left
 
 
 def places_along(line: Array) -> Array:

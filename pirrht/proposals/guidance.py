@@ -155,15 +155,22 @@ class DDPGuidance:
         return bool(world.clearance(tuple(query.x[reads].tolist()), float(query.clock[0])) <= 0.0)
 
     def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
-        """Return the best of some valid guides, and the cheapest other one with weight that its samples miss."""
+        """Return the best of some valid guides, and the cheapest others with weight that its samples miss.
+
+        There is one other in the plane, and there are two in space: to either side of an obstacle, and over it.
+        """
         if not valid:
             return [] if first is None else [first]
         best, t = min(valid, key=lambda one: one.penalised), self.tuning
         if first is not None and first.valid and first.penalised <= best.penalised + self.problem.temperature:
             best = first  # prices are off the value of a class by about lambda
         most = best.penalised + t.alternative * self.problem.temperature
-        others = [one for one in valid if one is not best and one.penalised < most and best.log_ratio_to(one) > t.apart]
-        return [best, *sorted(others, key=lambda one: one.penalised)[:1]]
+        chosen = [best]
+        for one in sorted(valid, key=lambda one: one.penalised):
+            apart = all(kept is not one and kept.log_ratio_to(one) > t.apart for kept in chosen)
+            if apart and one.penalised < most and len(chosen) < len(self.problem.dynamics.position):
+                chosen.append(one)
+        return chosen
 
     def _fresh(
         self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Callable[[], bool]

@@ -60,6 +60,7 @@ class InTime(CompiledSteering):
     d = 2  # numbers of a place
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
     timed = True
+    several = True
     motion = LEGS
     cost = inlined(lambda tail, head, numbers, limit: cost_and_duration(tail, head, numbers)[0])
     optimum = connect

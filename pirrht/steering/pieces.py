@@ -187,4 +187,6 @@ class SpaceLine(InSpace, StraightLine):
 class TrackedInSpace(InSpace, Tracked):
     """Straight lines at one pace between places in space, for systems that move otherwise."""
 
+    several = True
+
     position: tuple[int, ...] = (0, 1, 2)

@@ -52,6 +52,7 @@ class Steering(ABC):
     slack: float  # may take this time to get under way [s]
     min_neighbours: int = 0  # least number of vertices to which a reference is looked for
     timed: bool = False  # whether vertices have a time, so that its paths may go among moving obstacles
+    several: bool = False  # whether several paths of a class are shortened, since they may end in different optima
     motion: MotionKind = ARCS  # kind of what `connect` makes
     # (x (n,), move, step, numbers, out (n,)): write the state after one of `moves` of a pattern search over vertices
     shift: ClassVar[Callable[..., None]] = along_axes

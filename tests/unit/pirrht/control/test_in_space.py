@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from spaces import pillars, window
+from spaces import box, in_space, pillars, window
 
 from pirrht import Controller, FreeSpace, HomologyTree, OptionError, Problem, Sampling, SingleIntegrator
 from pirrht.control.blocked import Brake
@@ -118,3 +118,22 @@ def test_a_drone_that_is_blocked_comes_to_rest():
 def test_systems_of_another_space_are_refused():
     with pytest.raises(OptionError, match="SingleIntegrator moves in the plane, and the scene 'space' is in space"):
         Problem(dynamics=SingleIntegrator(b=0.1), scene=pillars(), R=2.0 * np.eye(2))
+
+
+@pytest.mark.slow
+def test_a_drone_has_guides_on_several_sides_of_an_obstacle_that_tells_no_classes_apart():
+    """References pass a floating crate on sides that do not see each other: visibility deformation."""
+    crate = box("crate", (2.7, 1.5, 0.5), (3.3, 2.5, 1.5))
+    space = FreeSpace.of(in_space([crate]))
+    problem = problem_of(space.scene, Drone(b=0.2))
+    x = np.concatenate([space.scene.start[:3], np.zeros(3)])
+    controller = Controller(
+        problem, space, tree_of(problem, space), Sampling(samples=300), rng=np.random.default_rng(0)
+    )
+    controller.begin(x)
+    (reference,) = controller.plan(x).references
+    assert reference.alternatives
+    (guides,) = controller.run.starts.optima.values()
+    assert len(guides) > 1
+    away = [guide.states[np.argmin(np.abs(guide.states[:, 0] - 3.0)), 1:3] - (2.0, 1.0) for guide in guides[:2]]
+    assert np.linalg.norm(away[0] - away[1]) > 0.5
