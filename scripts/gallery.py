@@ -53,8 +53,11 @@ class Pair:
 PAIRS = {
     "opening": Pair(scene="slit", noises=NOISES, ways=DEMO_PATHS),
     "wind": Pair(
-        scene="gust", noises=(0.1, 0.5), ways={"0": "over the wall", "1": "through the window"},
-        labels=("light wind: noise 0.1", "strong gusts: noise 0.5"), note=WIND,
+        scene="gust",
+        noises=(0.1, 0.5),
+        ways={"0": "over the wall", "1": "through the window"},
+        labels=("light wind: noise 0.1", "strong gusts: noise 0.5"),
+        note=WIND,
     ),
     "closing_door-noise": Pair(scene="closing_door", noises=NOISES, ways=DASHES, note=NOTE),
 }
@@ -62,8 +65,8 @@ HEAD = """# Gallery
 
 <!-- Made by scripts/gallery.py of the scenes themselves; a test compares both. -->
 
-Each built-in scene with seed 0 and its own noise: the robot after 45 % of the run, with references as thick as they are
-probable and a few samples, and the whole run. `pirrht run SCENE --record FILE.rrd` records one.
+Each built-in scene, seed 0: the robot after 45 % of the run, references as thick as probable, a few samples; and the
+whole run. `pirrht run SCENE --record FILE.rrd` records one.
 """
 
 

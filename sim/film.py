@@ -202,17 +202,7 @@ class Film:
 
         self._pose(state, now)
         _, plan, samples, words = self._plans[bisect_right(self._plans, time + 1e-9, key=itemgetter(0)) - 1]
-        weights = plan.estimate.class_weights if plan.estimate and not over else {}
-        for reference, name in () if over else zip(plan.references, plan.ids, strict=True):
-            radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
-            self._line(at_most(reference.trajectory.points, REFERENCE_POINTS), 0.02, self._colors[name], radius)
-        for name, fan in () if over else samples.items():  # the heavier the stronger; grey ones do not arrive
-            color = DEAD_COLOR if name == DEAD else self._colors[name]
-            opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
-            for strip, share in zip(fan.strips.astype(float), opacity, strict=True):
-                self._join(strip, mujoco.mjtGeom.mjGEOM_LINE, THIN, np.array([*rgb(color), share]), 0.6)
-            for ring in heavy_ends(self._scene.body, fan):
-                self._line(ring, 0.012, color, 0.004)
+        weights = {} if over else self._plan(plan, samples)
         if not self._scene.body.is_disc:
             self._line(rings(self._scene.body, self._states.poses(state[None]))[0], 0.035, DRIVEN, 0.01)
         for mover in self._scene.movers if len(self._scene.movers) <= NAMED else ():
@@ -220,15 +210,30 @@ class Film:
             place = np.array([*mover.motion.pose(now)[:2], top])
             if (shape := self._add(mujoco.mjtGeom.mjGEOM_LABEL, place, np.ones(4))) is not None:
                 shape.label = mover.name.replace("_", " ")
-        for one in () if over else foreseen(plan.movers, plan.time):
-            if one.after > 0.0:
-                self._line(one.ring, 0.01, blend(GROUND, FORESEEN, one.strength), 0.008)
         driven = self._states.drawn(at_most(path[:, 1:], PATH_POINTS), 0.03)
         self._tube(driven, DRIVEN, 0.015)
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
         texts = [f"{words.get(n, title(n))}  {100 * weights[n]:.0f} %" for n in heavy]
         rows = [(text, blend(self._colors[n], (255, 255, 255), 0.3)) for text, n in zip(texts, heavy, strict=True)]
         return self._draw([(f"{self._end if over else ''}{now:.1f} s", INK), *rows])
+
+    def _plan(self, plan: Plan, samples: Mapping[str, Fan]) -> Mapping[str, float]:
+        """Draw what a plan expects: references, samples and predicted outlines; return the shares of its classes."""
+        weights = plan.estimate.class_weights if plan.estimate else {}
+        for reference, name in zip(plan.references, plan.ids, strict=True):
+            radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
+            self._line(at_most(reference.trajectory.points, REFERENCE_POINTS), 0.02, self._colors[name], radius)
+        for name, fan in samples.items():  # the heavier the stronger; grey ones do not arrive
+            color = DEAD_COLOR if name == DEAD else self._colors[name]
+            opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
+            for strip, share in zip(fan.strips.astype(float), opacity, strict=True):
+                self._join(strip, mujoco.mjtGeom.mjGEOM_LINE, THIN, np.array([*rgb(color), share]), 0.6)
+            for ring in heavy_ends(self._scene.body, fan):
+                self._line(ring, 0.012, color, 0.004)
+        for one in foreseen(plan.movers, plan.time):
+            if one.after > 0.0:
+                self._line(one.ring, 0.01, blend(GROUND, FORESEEN, one.strength), 0.008)
+        return weights
 
     def _pose(self, state: Array, time: float) -> None:
         """Place all bodies as in a state, perhaps with an attitude, at a time [s]; what was drawn before is gone."""

@@ -136,6 +136,23 @@ def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphi
     assert all(row.endswith(" %") for row in noted if row != "0.1 s")
 
 
+def test_the_last_picture_says_how_a_drive_ended_and_others_call_classes_as_asked(graphics, monkeypatch):
+    noted, draw = list[list[str]](), film.Film._draw
+    monkeypatch.setattr(
+        film.Film, "_draw", lambda self, rows: noted.append([text for text, _ in rows]) or draw(self, rows)
+    )
+    for scene, ways in (("slit", {"0,0": "the slit"}), ("window", {"0": "the window"})):
+        scenario = prepare(scene, given={"noise": 0.1, "vertices": 100, "samples": 20, "period": 0.1, "max_time": 0.2})
+        one, driver = film.Film(scenario.loaded, size=(64, 36), ways=ways), scenario.driver(scenario.grown_tree())
+        for frame in scenario.drive(scenario.plant(), driver):
+            one.add(frame)
+        one.shots([0.1, np.inf])
+        one.close()
+        (_, *rows), end = noted[-2:]
+        assert rows[0].startswith(f"{[*ways.values()][0]}  ")
+        assert end == ["timeout after 0.2 s"]
+
+
 @pytest.mark.parametrize("size", [(320, 180), (960, 540), (1280, 720), (1920, 1080)])
 def test_texts_stay_within_their_panel_in_pictures_of_any_size(graphics, size):
     loaded = load("slit")
