@@ -63,7 +63,7 @@ PAIRS = {
 }
 HEAD = """# Gallery
 
-<!-- Made by scripts/gallery.py of the scenes themselves; a test compares both. -->
+<!-- Made by scripts/gallery.py. -->
 
 Each built-in scene, seed 0: the robot after 45 % of the run, references as thick as probable, a few samples; and the
 whole run. `pirrht run SCENE --record FILE.rrd` records one.

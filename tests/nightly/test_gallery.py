@@ -10,8 +10,10 @@ from repository import ROOT
 from thoroughly import thorough
 
 from pirrht import OptionError, Outcome
+from sim.drawing.ways import ways_in
 from sim.film import Film
 from sim.mjcf import load, models_folder
+from sim.mjcf.names import names_of
 from sim.recording.export import read
 from sim.scenario import prepare
 
@@ -41,6 +43,16 @@ def test_a_scene_has_more_than_one_way_that_noise_may_favour(name):
         shares.append(plan.estimate.class_weights)
     first = [max(weights, key=lambda each: weights[each]) for weights in shares]
     assert first[0] != first[1] or max(sorted(weights.values())[-2] for weights in shares) > 0.01
+
+
+def test_gusts_turn_a_drone_from_the_window_to_the_top_of_the_wall():
+    scenario = prepare("gust")
+    tree, ways = scenario.grown_tree(), dict[float, str]()
+    for noise in (scenario.settings.noise, 0.5):
+        plan = scenario.with_settings(noise=noise).driver(tree).plan(scenario.start)
+        words = ways_in(plan.space, plan.references, names_of(scenario.loaded, plan.space))
+        ways[noise] = dict(zip(plan.ids, words, strict=True))[plan.favourite]
+    assert ways == {0.1: "through the opening in wall", 0.5: "over wall"}
 
 
 @pytest.mark.parametrize("name", ["barn", *(thorough(name) for name in PAGES if name != "barn")])

@@ -149,7 +149,7 @@ def test_the_last_picture_says_how_a_drive_ended_and_others_call_classes_as_aske
         one.shots([0.1, np.inf])
         one.close()
         (_, *rows), end = noted[-2:]
-        assert rows[0].startswith(f"{[*ways.values()][0]}  ")
+        assert rows[0].startswith(f"{next(iter(ways.values()))}  ")
         assert end == ["timeout after 0.2 s"]
 
 
