@@ -81,6 +81,11 @@ def test_the_script_draws_a_still_and_a_loop_of_a_scene(tmp_path, monkeypatch):
             assert (loop.size, loop.n_frames) == ((80, 45), 3)
             brightness = [float(np.asarray(one.convert("L")).mean()) for one in (still, loop)]
         assert np.ptp(brightness) < 20.0  # both show the same scene
+    pytest.importorskip("matplotlib")
+    assert gallery.main(["wind", "-o", str(tmp_path), "--shots", "2", "--max-time", "0.1"]) == 0
+    with image.open(tmp_path / "wind.webp") as pair:
+        halves = np.split(np.asarray(pair.convert("L"), float), 2, axis=1)
+    assert np.abs(halves[0] - halves[1]).max() > 50.0
 
 
 def test_the_recording_in_the_documents_is_small_and_can_be_read():
