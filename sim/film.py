@@ -147,7 +147,8 @@ class Film:
                 self._samples = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
             if plan.space is not None:
                 ways = ways_in(plan.space, plan.references, names_of(self._loaded, plan.space))
-                self._words = dict(zip(plan.ids, ways, strict=False))
+                # From the start on a class keeps its words, whatever is left of its path.
+                self._words = dict(zip(plan.ids, ways, strict=False)) | self._words
         self._plans.append((frame.time, plan, self._samples, self._words))
         self._colors.meet(plan.ids)
 
