@@ -88,8 +88,8 @@ class StraightLine(Lines):
         if not Traits.of(problem).point:
             instead = "TrackedInSpace" if len(d.position) == 3 else "TurnAndGo" if d.angles else "Tracked"
             raise OptionError(
-                f"straight lines steer a point whose states are its position, all actuated, not {type(d).__name__} with "
-                f"n = {d.n} and m = {d.m}; take {instead}.of(problem), or bring a Steering"
+                f"straight lines steer a point whose states are its position, all actuated, not {type(d).__name__} "
+                f"with n = {d.n} and m = {d.m}; take {instead}.of(problem), or bring a Steering"
             )
         R = problem.control_cost(np.zeros(problem.dynamics.n))
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):
