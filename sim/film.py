@@ -132,8 +132,7 @@ class Film:
         self._path: list[Array] = []  # rows of a time [s], a state, and perhaps an attitude
         self._plans: list[tuple[float, Plan, dict[str, Fan], dict[str, str]]] = []  # with their times [s]
         self._drawn, self._samples = -np.inf, dict[str, Fan]()  # what was drawn last, and when [s]
-        self._ways = dict(ways or {})
-        self._words = self._ways  # of classes now, in space
+        self._words = dict(ways or {})  # of classes
         self._end = ""  # how the run ended
         self._loaded = loaded
 
@@ -150,7 +149,8 @@ class Film:
                 self._samples = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
             if plan.space is not None:
                 ways = ways_in(plan.space, plan.references, names_of(self._loaded, plan.space))
-                self._words = dict(zip(plan.ids, ways, strict=False)) | self._ways
+                # From the start on a class keeps its words, whatever is left of its path.
+                self._words = dict(zip(plan.ids, ways, strict=False)) | self._words
         self._plans.append((frame.time, plan, self._samples, self._words))
         self._end = "" if frame.outcome is None else f"{frame.outcome.name.lower()} after "
         self._colors.meet(plan.ids)

@@ -16,6 +16,7 @@ from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import SceneError
 from pirrht.geometry.blocks import lattice
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.obstacle import Kind
 from pirrht.geometry.pieces import entry_of_ball
 from pirrht.geometry.round import GridKernels, round_kernels
 from pirrht.geometry.space import BLOCKED, FREE, LEAST_STEP, UNSURE, SpaceKernels
@@ -54,7 +55,9 @@ class Ball(Held, Lattice):
         span = world.upper - world.lower
         volume = float(np.prod(span))
         coarsest = radius / TUNING.least_cells
-        h = min(max(radius / TUNING.cells_per_radius, (volume / TUNING.dense_points) ** (1.0 / 3.0)), coarsest)
+        meshes = sum(world.obstacles[i].kind is Kind.MESH for i in members)
+        points = TUNING.dense_points / (1.0 + meshes / TUNING.meshes)
+        h = min(max(radius / TUNING.cells_per_radius, (volume / points) ** (1.0 / 3.0)), coarsest)
         if volume > TUNING.block_points * h**3:
             least = TUNING.least_cells * (volume / TUNING.block_points) ** (1.0 / 3.0)
             raise SceneError(

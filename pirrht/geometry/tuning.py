@@ -14,6 +14,7 @@ class GeometryTuning(NamedTuple):
     nothing: float = 1e6  # clearance where there are no obstacles at all [m]: more than any workspace
     dense_points: int = 4_000_000  # up to so many points one grid holds them all: quicker to read than blocks
     least_cells: float = 4.0  # spacings in a ball's radius, at least: in space a grid gives away 1/36 of it at walls
+    meshes: float = 16.0  # in space, so many of which halve the points of a grid, since they take time
     flat: float = 1e-5  # difference of unit vectors away from a wall in space up to which it is flat
     slab_points: int = 400_000  # of a grid in space that are sampled together: memory against calls
     single_cells: float = 2.0**17  # spacings from the origin at which single precision is too coarse for paths

@@ -358,7 +358,8 @@ class HomologyTree:
 
         references = [] if x is None else self.references(np.asarray(x, dtype=float))
         axes = maps.of(self.space, 0.0, axes, "tree.plot")
-        maps.lines(axes, self.best_edges(PLOTTING.spacing), maps.TREE, width=0.4, opacity=0.6, zorder=2)
+        edges = [edge[:, :2] for edge in self.best_edges(PLOTTING.spacing)]
+        maps.lines(axes, edges, maps.TREE, width=0.4, opacity=0.6, zorder=2)
 
         colors = ClassColors(one.id for one in references)
         paths = [one.trajectory for one in references]

@@ -86,9 +86,10 @@ class StraightLine(Lines):
         """Take a point's line for q constant and R a multiple of I (q = 1, R = 2I: speed 1); else OptionError."""
         d = problem.dynamics
         if not Traits.of(problem).point:
+            instead = "TrackedInSpace" if len(d.position) == 3 else "TurnAndGo" if d.angles else "Tracked"
             raise OptionError(
-                f"straight lines steer a point whose 2 states are both actuated, not {type(d).__name__} with n = {d.n} "
-                f"and m = {d.m}; take {'TurnAndGo' if d.angles else 'Tracked'}.of(problem), or bring a Steering"
+                f"straight lines steer a point whose states are its position, all actuated, not {type(d).__name__} "
+                f"with n = {d.n} and m = {d.m}; take {instead}.of(problem), or bring a Steering"
             )
         R = problem.control_cost(np.zeros(problem.dynamics.n))
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):
@@ -162,8 +163,8 @@ def _pace_of(problem: Problem) -> float:
         if 0 < best < len(probed) - 1:
             return float(probed[best])
     raise OptionError(
-        f"the cost of {type(d).__name__} does not tell how fast its references should be; declare a pace [m/s], as in "
-        "System(..., pace=1.0)"
+        f"the cost of {type(d).__name__} does not tell how fast its references should be; give a pace [m/s], as in "
+        "of(problem, pace=1.0), or System(..., pace=1.0) of the simulator"
     )
 
 

@@ -54,6 +54,7 @@ class Pictures:
         self._now = (0, 0.0)  # moment of the plan drawn
         self._sizes = list[float]()  # square roots of its weights
         self._reached = 0.0  # until when there are tubes [s]
+        self._words = dict[str, str]()  # of ways in space, by class
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
         """Log a plan at a step and simulated time [s]."""
@@ -64,6 +65,8 @@ class Pictures:
         ]
         heaviest = sorted(plan.ids, key=lambda n: -weights.get(n, 0.0))
         words, grid = words_of(plan, subject.path_integral, subject.names), subject.grid
+        if subject.in_space:  # from the start on a class keeps its words, whatever is left of its path
+            words = self._words = words | self._words
         called = words if subject.in_space else {name: title(name) for name in plan.ids}
         labels = {name: called[name] for name in plan.ids[:LIFTED]}
         if plan.estimate is not None:

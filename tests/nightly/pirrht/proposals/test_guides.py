@@ -223,7 +223,7 @@ def test_a_car_that_faces_away_is_turned_about():
 
 def test_a_pace_that_the_cost_does_not_tell_must_be_declared():
     mass = in_slit("mass")[2].problem
-    with pytest.raises(OptionError, match=r"cost of DoubleIntegrator does not tell how fast .* declare a pace"):
+    with pytest.raises(OptionError, match=r"cost of DoubleIntegrator does not tell how fast .* give a pace"):
         Tracked.of(mass)
     assert Tracked.of(mass, 0.8).cost_per_meter == pytest.approx(1.0 / 0.8)  # a mass on its way needs no control
     with pytest.raises(OptionError, match="the pace of references is -1; it must be a positive number"):

@@ -114,3 +114,11 @@ def test_a_run_solves_for_a_class_once():
     controller.step(np.add(x, (0.05, 0.0, 0.0)), 0.05)
     assert first
     assert all(controller.run.starts.grids[one] is grid for one, grid in first.items())
+
+
+def test_maps_of_trees_and_plans_in_space_are_seen_from_above():
+    controller = controller_in("window")
+    x = controller.space.scene.start
+    assert controller.tree.plot(x).get_xlabel() == "x [m]"
+    controller.begin(x)
+    assert controller.plan(x).plot().get_ylabel() == "y [m]"
