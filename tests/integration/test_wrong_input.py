@@ -92,12 +92,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
         "--seeds: expected one argument; give --seeds A:B (seeds A to B-1)",
         "see `pirrht sweep",
     ),
-    (
-        "import broken.xml -o new.xml --goal 7.5 3",
-        "--goal: expected 3 arguments",
-        "give --goal X Y R (disc of the goal)",
-    ),
-    ("import broken.xml -o new.xml --goal 7 3 x", "--goal: invalid float value: 'x'", "give --goal X Y R (disc"),
+    ("import broken.xml -o new.xml --goal 7 3 x", "--goal: invalid float value: 'x'", "give --goal X Y ... (X Y R,"),
     ("run slit --start", "--start: expected at least one argument", "give --start X Y ... (X Y [TH], or"),
     ("run slit --method mpi", "--method is 'mpi' (did you mean mppi?)", "one of pi-rrht"),
     ("sweep slit --methods best-clas", "--methods names 'best-clas' (did you mean best-class?)", "known are"),

@@ -33,6 +33,7 @@ def problem_of(scene: Scene, dynamics: Ball | Drone) -> Problem:
     return Problem(dynamics=dynamics, scene=scene, R=2.0 * np.eye(3))
 
 
+@pytest.mark.slow
 def test_the_window_and_the_way_over_the_wall_are_two_classes_and_paths_end_in_the_ball():
     space = space_of()
     tree = tree_of(problem_of(space.scene, Ball(b=0.35)), space)
@@ -47,6 +48,7 @@ def test_the_window_and_the_way_over_the_wall_are_two_classes_and_paths_end_in_t
         assert space.homology.winding(ends) == one.winding
 
 
+@pytest.mark.slow
 def test_without_a_window_only_the_way_over_the_wall_is_left():
     space = space_of(closed=True)
     tree = tree_of(problem_of(space.scene, Ball(b=0.35)), space)
@@ -105,6 +107,7 @@ def test_a_drone_in_wind_dips_to_a_window_below_it():
     assert plan.estimate.value == pytest.approx(6.35, abs=0.25)
 
 
+@pytest.mark.slow
 def test_a_drone_that_is_blocked_comes_to_rest():
     dynamics = Drone()
     x = np.array([1.5, 2.0, 1.0, 0.5, 0.2, -0.3])

@@ -66,6 +66,7 @@ CASES = {
 RARE = (
     "rectangle of a car",
     "rectangle of a rover",
+    "ball in space",
     "drone in space",
     *[name for name in CASES if "r among moving" in name or "among bodies" in name],
 )
