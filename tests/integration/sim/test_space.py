@@ -154,6 +154,7 @@ def test_a_robot_before_a_closed_window_hovers_gives_way_and_goes_on_when_it_ope
     assert run.min_clearance > 0.0
 
 
+@pytest.mark.slow
 def test_a_plan_in_space_is_told_drawn_and_written(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     picture, file = tmp_path / "plan.png", tmp_path / "plan.json"
