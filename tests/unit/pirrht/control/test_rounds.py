@@ -35,6 +35,7 @@ def guides_of(batch: Batch) -> list[DDPGuide]:
     return [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
 
 
+@pytest.mark.slow
 def test_the_laws_of_a_weak_plan_do_not_depend_on_the_samples_that_it_is_weighed_by(monkeypatch):
     batch, estimate, numbers = first_plan(monkeypatch)
     assert len(numbers) > 3
