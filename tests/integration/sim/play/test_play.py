@@ -146,6 +146,7 @@ def test_a_moved_goal_is_reached_and_so_is_one_that_is_moved_after_the_end(real_
     assert last.state[0] < 1.4
 
 
+@pytest.mark.slow
 def test_a_played_script_is_the_same_every_time_and_reports_what_was_done(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = re.search(r"```json\n(.*?)```", (ROOT / "docs" / "play.md").read_text(), re.S)[1]

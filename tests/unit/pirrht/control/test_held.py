@@ -37,6 +37,7 @@ def test_a_held_control_throws_no_farther_off_a_wall_than_some_deviations(planne
         assert -STEP * plan.at(x, 0.0)[1] <= THROW * NOISE * np.sqrt(STEP) + 1e-9
 
 
+@pytest.mark.slow
 def test_the_exact_law_throws_no_farther_off_a_wall_either_and_turns_back_within_the_margin(planned):
     scenario, top = planned[0], wall_below(planned[0], 3.0)
     optimal = scenario.optimal()

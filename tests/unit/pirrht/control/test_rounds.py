@@ -1,6 +1,7 @@
 """Rounds of a weak plan: the laws of the last one were known before its samples, and it alone is weighed."""
 
 import numpy as np
+import pytest
 from corners import START, controller
 
 from pirrht.control import proposals

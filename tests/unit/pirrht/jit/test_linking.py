@@ -41,6 +41,7 @@ def ran(*words: object, **known: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *map(str, words)], env=env, capture_output=True, text=True, check=True)
 
 
+@pytest.mark.slow
 def test_a_third_process_does_not_mistake_code_of_two_that_compiled_alike(tmp_path):
     script = tmp_path / "times.py"
     script.write_text(TIMES)

@@ -147,6 +147,7 @@ def test_plans_and_pictures_know_the_corners_of_the_robot():
     assert rings(Footprint.disc(0.2), line[:1]).shape[1] > 20
 
 
+@pytest.mark.slow
 def test_a_tree_of_another_footprint_is_refused(tmp_path):
     from sim import tree_file
 
