@@ -22,7 +22,7 @@
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
     python scripts/benchmark.py maps        import of ROS maps and the first plan against pixels, 1000 to 4000 a side
-    python scripts/benchmark.py roadmap     classes of a --scene in space over time, beside a roadmap's distinct paths
+    python scripts/benchmark.py roadmap     classes of a --scene in space over time, and a roadmap's distinct paths
     python scripts/benchmark.py presets     time, effective samples and error of v of each preset, on slit and clutter
 
 Times depend on the machine: quote ratios from one run.

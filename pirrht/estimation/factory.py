@@ -94,7 +94,7 @@ class ProposalFactory:
         found: list[ProposalControl] = []
         most, decay = -math.inf, self.scales(x).decay
         known = {} if grids is None else grids
-        lines = [self._line(trajectory) for trajectory in trajectories]
+        lines = [self._line(trajectory) for trajectory in trajectories] if self.climbs else []
         for k, trajectory in enumerate(trajectories):
             least = most - self.tuning.hopeless if drops else -math.inf
             control: DesirabilityAscent | GridAscent | None = None

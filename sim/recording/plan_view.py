@@ -65,9 +65,9 @@ class Pictures:
         ]
         heaviest = sorted(plan.ids, key=lambda n: -weights.get(n, 0.0))
         words, grid = words_of(plan, subject.path_integral, subject.names), subject.grid
+        called = {name: title(name) for name in plan.ids}
         if subject.in_space:  # from the start on a class keeps its words, whatever is left of its path
-            words = self._words = words | self._words
-        called = words if subject.in_space else {name: title(name) for name in plan.ids}
+            called = words = self._words = words | self._words
         labels = {name: called[name] for name in plan.ids[:LIFTED]}
         if plan.estimate is not None:
             heavy = [name for name in heaviest if weights.get(name, 0.0) >= NAMED]

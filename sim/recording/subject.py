@@ -55,7 +55,7 @@ class Subject:
 
     @property
     def in_time(self) -> bool:
-        """Return whether there is a view with time upward: of what moves in the plane."""
+        """Return whether there is a view with time upward: of moving obstacles in the plane."""
         return self.moves and not self.in_space
 
     @cached_property

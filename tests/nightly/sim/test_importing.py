@@ -14,7 +14,7 @@ from sim.mjcf import load
 BARN, MOTIONS = (ROOT.parent / "shared" / "data" / name for name in ("barn", "dynabarn/worlds.json"))
 
 
-@pytest.mark.skipif(not BARN.is_dir(), reason="the BARN worlds are not beside the repository")
+@pytest.mark.skipif(not BARN.is_dir(), reason="the BARN worlds are not next to the repository")
 def test_all_barn_worlds_become_scenes(tmp_path):
     for world in sorted(BARN.glob("*.world")):
         target = tmp_path / f"{world.stem}.xml"

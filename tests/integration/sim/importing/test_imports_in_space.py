@@ -216,7 +216,7 @@ def test_a_mesh_in_millimetres_is_refused_with_the_factor(tmp_path):
     refused(lambda: import_world(tmp_path / "a.ply", tmp_path / "a.xml", **TASK), "6000 m wide", "scale it by 0.001")
 
 
-@pytest.mark.skipif(not WORLDS.is_dir(), reason="the worlds of CTopPRM are not beside the repository")
+@pytest.mark.skipif(not WORLDS.is_dir(), reason="the worlds of CTopPRM are not next to the repository")
 @pytest.mark.parametrize(
     ("name", "radius", "task", "solids", "ways"),
     [

@@ -1,4 +1,4 @@
-"""Bodies that move and turn in space: poses, clearances, certificates and exits, against SciPy, FCL and fine steps."""
+"""Moving obstacles in space, which turn: poses, clearances, certificates and exits, by SciPy, FCL and fine steps."""
 
 import numpy as np
 import pytest
