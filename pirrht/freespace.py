@@ -22,6 +22,7 @@ from pirrht.geometry.passages import NO_PASSAGES, Passages, find_passages
 from pirrht.geometry.polygon import Polygon
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.space import BLOCKED, FREE, UNSURE, Space, at_states
+from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.moving.in_space import MovingSolids
 from pirrht.moving.obstacles import MovingObstacleArrays
@@ -34,21 +35,29 @@ class Member(NamedTuple):
     """A kind of robots."""
 
     collision: type[Collision]  # exact distances of (world, footprint)
-    field: Callable[[Collision, Sequence[int]], Any]  # clearances of the inscribed disc or ball from those that count
-    static: Callable[[Scene, Sequence[int], Any], Space]  # of obstacles that count, and that field
+    # clearances of the inscribed disc or ball from those that count, of a grain [m]
+    field: Callable[[Collision, Sequence[int], float | None], Any]
+    static: Callable[[Scene, Sequence[int], Any, float | None], Space]  # of obstacles that count, and that field
 
 
-def _disc(collision: Collision, members: Sequence[int]) -> Disc:
-    return Disc.over(build_field(collision, members))
+def _disc(collision: Collision, members: Sequence[int], grain: float | None) -> Disc:
+    if grain is None:
+        return Disc.over(build_field(collision, members))
+    return Disc.over(build_field(collision, members, cells=max(TUNING.cells_per_disc, collision.least_radius / grain)))
+
+
+def _polygon(scene: Scene, members: Sequence[int], _: Any, grain: float | None) -> Polygon:
+    return Polygon.of(scene.world, scene.footprint, members, TUNING.excess if grain is None else grain)
 
 
 MEMBERS = {
-    "disc": Member(Collision, _disc, lambda scene, members, field: field),
-    "polygon": Member(
-        HullCollision, _disc, lambda scene, members, field: Polygon.of(scene.world, scene.footprint, members)
+    "disc": Member(Collision, _disc, lambda scene, members, field, grain: field),
+    "polygon": Member(HullCollision, _disc, _polygon),
+    "ball": Member(
+        Collision, lambda collision, members, grain: Ball.of(collision, members),
+        lambda scene, members, field, grain: field,
     ),
-    "ball": Member(Collision, Ball.of, lambda scene, members, field: field),
-}
+}  # fmt: skip
 
 
 def _member(scene: Scene) -> Member:
@@ -69,19 +78,24 @@ class FreeSpace:
     homology: Signature  # about static and moving obstacles, with bases at 1 m/s
     static: Space  # where the footprint is free of static obstacles and border
     moving: Moving  # J moving obstacles, of which field and collision know nothing
+    # Of a map that a robot makes: clearances may be too low by about so much, and FCL is not asked where they do not
+    # tell [m]. None: the scene is known.
+    grain: float | None = None
 
     def __repr__(self) -> str:
         return f"FreeSpace({formatting.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
 
     @classmethod
-    def of(cls, scene: Scene) -> FreeSpace:
+    def of(cls, scene: Scene, grain: float | None = None) -> FreeSpace:
         """Examine a scene; the markers of its encircled obstacles, (M, d) [m], become those of `homology`.
 
+        A coarse `grain` [m] makes it quick, for a map that changes all the time. None: as exact as a known scene is.
         SceneError: the start or all of the goal is in collision, or the workspace is too large for the robot.
         """
         scene, collision = _checked(replace(scene, waivers=scene.narrow))
         parts = obstacles_of(collision)
-        return cls._of(scene, collision, parts, tuple(part for part in parts if part.marker is not None))
+        encircled = tuple(part for part in parts if part.marker is not None)
+        return cls._of(scene, collision, parts, encircled, grain=grain)
 
     def updated(self, scene: Scene) -> FreeSpace:
         """Examine a scene with the same goal and other obstacles, so that classes keep their names.
@@ -92,25 +106,26 @@ class FreeSpace:
         scene, collision = _checked(scene, start_counts=False)
         named = len(self.homology.markers) if self.homology.named is None else self.homology.named
         parts = obstacles_of(collision)
-        return self._of(scene, collision, parts, continued_in(parts, self.obstacles, collision, named), named)
+        encircled = continued_in(parts, self.obstacles, collision, named)
+        return self._of(scene, collision, parts, encircled, named, self.grain)
 
     @classmethod
     def _of(
         cls, scene: Scene, collision: Collision, parts: Sequence[Component], encircled: tuple[Component, ...],
-        named: int | None = None,
+        named: int | None = None, grain: float | None = None,
     ) -> FreeSpace:  # fmt: skip
         try:
             members = sorted({i for part in parts for i in part.members})
             member = _member(scene)
-            field = member.field(collision, members)
-            static = member.static(scene, members, field)
+            field = member.field(collision, members, grain)
+            static = member.static(scene, members, field, grain)
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
         homology = signature_of(scene, encircled, named)
 
         return cls(
             scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology,
-            static=static, moving=moving_of(scene),
+            static=static, moving=moving_of(scene), grain=grain,
         )  # fmt: skip
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
@@ -122,7 +137,7 @@ class FreeSpace:
         scene = self.scene
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
         if self.scene.waivers != scene.narrow or (scene := fitted(scene, self.collision)).waivers != scene.narrow:
-            return FreeSpace.of(scene)
+            return FreeSpace.of(scene, self.grain)
         return replace(self, scene=scene, homology=self.homology.with_goal(scene.goal.center.astype(float)))
 
     def with_movers(self, movers: Sequence[Mover], moving: Moving | None = None) -> FreeSpace:
@@ -147,7 +162,8 @@ class FreeSpace:
         """
         reads = reads or tuple(range(self.scene.dimension))
         status = at_states(self.static.kernels, reads).certify(self.static, x)
-        return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, list(reads)])[0]))
+        asks = status == UNSURE and self.grain is None
+        return bool(status == FREE or (asks and self.collision.free(x[None, list(reads)])[0]))
 
     def segments_free(self, points: Array) -> bool:
         """Return whether the line through points (k, d) [m], headed along it, is free; FCL judges what is in doubt."""
@@ -155,6 +171,8 @@ class FreeSpace:
         ends = zip(tails.tolist(), heads.tolist(), strict=True)
         verdicts = np.array([piece(self.static, tuple(a), tuple(b), True) for a, b in ends], dtype=int)
         unsure = verdicts == UNSURE
+        if self.grain is not None:
+            return bool(np.all(verdicts == FREE))
         return bool(np.all(verdicts != BLOCKED) and np.all(self.collision.segments_free(tails[unsure], heads[unsure])))
 
     def in_goal(self, x: Array) -> bool:

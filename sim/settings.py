@@ -193,6 +193,13 @@ class Settings:
     predict: str = one_of(("known", "velocity"), "motions of obstacles: known, or predicted by constant velocity")
     speed_limit: float = stated(0.0, "speed limit among moving obstacles; 0: five times the best speed", "M/S",
                                 (0.0, 1e3))
+    sense: str = one_of(("map", "lidar"), "what the plan knows: the scene (map), or what a lidar has shown (lidar)")
+    lidar: str | None = stated(None, "what differs from 270 degrees, 720 rays, 0.1 to 30 m, sigma 1 mm, 10 Hz: fov, "
+                               "rays, least, most, sigma, rate, x, y, z, yaw", "PART=VALUE,...", unset="BARN's")
+    sense_pose: float = stated(0.0, "standard deviation of the place that the robot believes to be at", "M",
+                               (0.0, 1.0))
+    cell: float = stated(0.05, "side of a cell of the lidar's map", "M", (0.005, 1.0))
+    unknown: float = stated(0.0, "price of a metre of a path that no ray has shown", "COST", (0.0, 1e6))
     plant: str = one_of(("mujoco", "sde"), "simulate in MuJoCo (mujoco), or by the equation alone (sde)",
                         metavar="NAME")
     max_time: float = stated(30.0, "simulated time after which a run ends", "S", (1e-3, 86_400.0))
@@ -225,6 +232,11 @@ class Settings:
             (length > RUN_PERIODS,
              f"--max-time {self.max_time:g} is {length:.3g} periods of --period {self.period:g}; a run has at most "
              f"{RUN_PERIODS:,}: lower the one or raise the other"),
+            (self.sense == "lidar" and (self.plant != "mujoco" or self.method in TREELESS),
+             f"--sense lidar needs a plant in MuJoCo and a tree, and this is --plant {self.plant} --method "
+             f"{self.method}"),
+            (self.sense == "map" and (self.lidar is not None or self.unknown > 0.0 or self.sense_pose > 0.0),
+             "--lidar, --unknown and --sense-pose go with --sense lidar"),
             (grow and self.method in TREELESS,
              f"--grow is {grow}; --method {self.method} has no tree that could grow"),
             (not self.real_time and size > most,

@@ -9,10 +9,11 @@ from pirrht.arrays import Array
 from pirrht.control import map_update
 from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.checks import refuse_misfits, validate
+from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
-from pirrht.control.proposals import ProposalBuilder, Propose, plan_of
+from pirrht.control.proposals import ProposalBuilder, Propose, Surcharge, plan_of
 from pirrht.control.references import extract_references, regrow
 from pirrht.control.settings import TUNING, ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference
@@ -39,6 +40,7 @@ class Controller(Policy):
         backend: simulates paths; None: compiled kernels on this machine.
         homology: tells classes apart; None: that of the tree, or of the problem.
         predict: predicts moving obstacles; None: their motions are known.
+        surcharge: what the samples of a class pay besides their cost, by its reference [cost]; None: nothing.
         rng: source of one seed per plan.
 
     Nothing but its `run`, the state of the run under way, and the tree changes from plan to plan.
@@ -66,13 +68,13 @@ class Controller(Policy):
         method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
         held: float | None = None, homology: Signature | None = None, predict: ConstantVelocity | None = None,
         tuning: ControlTuning = TUNING, propose: Sequence[Propose] = (), backend: Backend | None = None,
-        rng: np.random.Generator,
+        surcharge: Surcharge | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.settings = ControlSettings(
             method=method, shortened=shortened, consistency=consistency, between=between, held=held, tuning=tuning
         )
         refuse_misfits(sampling, propose, backend, rng)
-        self.predict, self.rng = predict, rng
+        self.predict, self.rng, self.surcharge = predict, rng, surcharge
         self._enter(problem, space, tree, sampling, homology, propose, backend)
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
@@ -89,7 +91,9 @@ class Controller(Policy):
         self.brake = Brake(problem=problem)
 
         self.path_integral = path_integral(problem, space, sampling, homology=self.homology, backend=backend)
-        self.proposals = ProposalBuilder(integral=self.path_integral, settings=self.settings, propose=propose)
+        self.proposals = ProposalBuilder(
+            integral=self.path_integral, settings=self.settings, propose=propose, surcharge=self.surcharge
+        )
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
@@ -128,9 +132,10 @@ class Controller(Policy):
     def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Continue among other static obstacles; the path driven so far still counts.
 
-        A new tree grows. Obstacles keep their numbers, and so classes their names; turns about new obstacles, which
-        come last, count from where the robot is, and one off its own marker is new. What is known of a class stays
-        while its path is free. Nothing changes if the scene is unchanged, or is refused.
+        A new tree keeps vertices of the last one that are still free. Obstacles keep their numbers, and so classes
+        their names; turns about new obstacles, which come last, count from where the robot is, and one off its own
+        marker is new. What is known of a class stays while its path is free. Nothing changes if the scene is unchanged,
+        or is refused.
 
         Args:
             scene: with the same goal; its start does not matter.
@@ -140,7 +145,14 @@ class Controller(Policy):
             OptionError: the goal is another, obstacles move, or there is no scene or no such number of vertices.
             SceneError: obstacles cover all of the goal, or the workspace is too large for the robot.
         """
-        new = map_update.renewed(self.problem, self.space, self.tree, scene, vertices)
+        self.adopt(self.renewed(scene, vertices))
+
+    def renewed(self, scene: Scene, vertices: int | None = None) -> Renewed | None:
+        """Examine another scene for `adopt`, and change nothing; None if it is unchanged. See `update`."""
+        return map_update.renewed(self.problem, self.space, self.tree, scene, vertices)
+
+    def adopt(self, new: Renewed | None) -> None:
+        """Continue in a scene that `renewed` has examined."""
         if new is not None:
             backend = self.path_integral.backend
             self._enter(*new, self.path_integral.sampling, propose=self.proposals.propose, backend=backend)

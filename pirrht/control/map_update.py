@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.control.run_state import RunState
+from pirrht.control.settings import TUNING
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
@@ -16,10 +18,12 @@ from pirrht.problem import Problem
 from pirrht.steering.motion import SPACING
 from pirrht.topology.signature import integers
 
+Renewed = tuple[Problem, FreeSpace, HomologyTree | None]  # what a controller needs to know of another scene
+
 
 def renewed(
     problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
-) -> tuple[Problem, FreeSpace, HomologyTree | None] | None:
+) -> Renewed | None:
     """Return problem, free space and tree of so many vertices in another scene, or None; see `Controller.update`."""
     if not isinstance(scene, Scene):
         raise OptionError(f"an update is to a Scene, and {reprlib.repr(scene)} is none; Scene.from_boxes makes one")
@@ -41,8 +45,18 @@ def renewed(
     grown = None
     if tree is not None:
         grown = HomologyTree(now, tree.steering, limit=tree.limit, classes=tree.classes, rng=tree.rng)
-        grown.grow(tree.size if vertices is None else vertices)
+        wanted = tree.size if vertices is None else vertices
+        grown.extend_by(kept_states(tree, round(TUNING.kept * wanted)))
+        grown.grow(wanted)
     return replace(problem, scene=scene), now, grown
+
+
+def kept_states(tree: HomologyTree, most: int) -> Array:
+    """Return states (k, n) of the vertices of a tree, in their order, for a tree in another scene; `most` at most."""
+    chosen = np.arange(tree.size)
+    if tree.size > most:
+        chosen = np.sort(tree.rng.choice(tree.size, most, replace=False))
+    return np.asarray(tree.states[chosen])
 
 
 def continue_among(space: FreeSpace, run: RunState) -> None:

@@ -32,6 +32,7 @@ from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.topology.signature import integers
 
 Propose = Callable[[Array, ProposalControl], ProposalControl | None]  # state (n,), the default of a class
+Surcharge = Callable[[Reference], float]  # what samples of a reference's class pay besides their cost [cost]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +51,7 @@ class ProposalBuilder:
     integral: PathIntegral
     settings: ControlSettings
     propose: Sequence[Propose] = ()  # further proposals of each class, by its default
+    surcharge: Surcharge | None = None
 
     @property
     def learns(self) -> bool:
@@ -70,7 +72,13 @@ class ProposalBuilder:
             return Draft(batch=Batch(state=x, times=times, proposals=(passive,), time=run.now, others=others))
         leads = self._leads(x, times, references, run, budget)
         proposals = tuple(
-            Proposal(lead=lead, count=count, name=homology.name(one), key=homology.key(reference.winding))
+            Proposal(
+                lead=lead,
+                count=count,
+                name=homology.name(one),
+                key=homology.key(reference.winding),
+                surcharge=0.0 if self.surcharge is None else self.surcharge(reference),
+            )
             for (lead, count), one, reference in zip(leads, classes, references, strict=True)
         )
 

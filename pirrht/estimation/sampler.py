@@ -176,6 +176,8 @@ class PathIntegral:
             log_weight[part] = log_weights(self.problem, self.sampling.weights, ended, tables.first, part)
 
         over_ranges(work, rollouts.size, self.threads if rollouts.size >= self.tuning.parallel else 1)
+        for key, surcharge in {one.key: one.surcharge for one in batch.proposals if one.surcharge}.items():
+            log_weight[paths.key == key] -= surcharge / self.temperature
         return rollouts
 
     def estimate(self, *parts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:

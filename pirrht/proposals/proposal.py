@@ -126,6 +126,7 @@ class Proposal:
     count: int  # N_h of them
     name: str = ""  # of the reference's class, from the start of the run; empty without a reference
     key: int | None = None  # the class as an additive key
+    surcharge: float = 0.0  # what samples of its class pay besides their cost [cost]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -306,7 +306,7 @@ def resumed(x: Array, path: Motions, connect: Connect, checker: EdgeChecker, tun
     direct = edges.cost[:count]
 
     if edges.status[0] == UNSURE:
-        free[0] = checker.motion.free(motions, 0, checker.space)
+        free[0] = checker.resolved(motions, 0)
     key = keys_of(edges.turns, checker.around.weights)
     if free[0]:
         free &= key[:count] == key[0] + np.concatenate([[0], np.cumsum(key[count:])])

@@ -67,9 +67,13 @@ class EdgeChecker:
         near = np.arange(len(into_goal)) if near is None else near
         edges, unsure = judge_with(self.kernels)(self.around, cut, into_goal, near)
         for i in np.flatnonzero(edges.status == UNSURE).tolist() if unsure else ():
-            if self.motion.free(cut, i, self.space):
+            if self.resolved(cut, i):
                 edges.status[i] = FREE
         return edges
+
+    def resolved(self, motions: Motions, i: int) -> bool:
+        """Return whether the i-th motion, of which certificates cannot tell, is free; none is in a coarse map."""
+        return self.space.grain is None and self.motion.free(motions, i, self.space)
 
     def until_goal(self, path: Any) -> Any:
         """Cut a path of consecutive motions where the last first enters the goal's disc."""

@@ -32,6 +32,7 @@ from sim.mjcf import Loaded
 from sim.mjcf.footprint import collision_of
 from sim.mjcf.obstacles import Mocap
 from sim.mjcf.robot import check_motion
+from sim.sensing.senses import Senses
 from sim.states import StateAdapter, adapter_of
 from sim.systems import named
 
@@ -260,7 +261,7 @@ def _within(lower: list[float], place: list[float], upper: list[float]) -> bool:
 class Executor(Plant):
     """The robot in MuJoCo, whose contacts are collisions; `data` is MuJoCo's state, for pictures."""
 
-    def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
+    def __init__(self, loaded: Loaded, problem: Problem, *, period: float, senses: Senses | None = None) -> None:
         model = self._model = loaded.model
         called, n, own = named(loaded.dynamics_name).called, problem.dynamics.n, type(problem.dynamics).__name__
         if n != len(loaded.states):
@@ -276,6 +277,7 @@ class Executor(Plant):
         balls = [model.geom(i) for i in range(model.ngeom) if model.geom(i).name in BALLS]
         self._ball = any(geom.contype[0] | geom.conaffinity[0] for geom in balls)
         self._between = None if self._ball else mujoco.MjData(model)
+        self.senses = senses
         super().__init__(problem, period=period, physics_step=float(model.opt.timestep))
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
@@ -300,6 +302,8 @@ class Executor(Plant):
         mujoco.mj_step1(self._model, self.data)
         if self._joints.fly is not None:
             self.attitude = self.data.qpos[3:7].copy()
+        if self.senses is not None:
+            self.senses.begin(self.data, self._states.poses(self._state), time)
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period, or to the goal or a collision; see `Plant.advance`."""
@@ -326,7 +330,10 @@ class Executor(Plant):
         mujoco.mj_step1(self._model, self.data)
         if fly is not None:
             self.attitude = self.data.qpos[3:7].copy()
-        return self._joints.read(self.data, x)
+        x = self._joints.read(self.data, x)
+        if self.senses is not None:
+            self.senses.sense(self.data, self._states.poses(x), self.time)
+        return x
 
     def _touching(self, before: Array, x: Array) -> bool:
         if self._contacts(self.data):

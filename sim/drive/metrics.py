@@ -217,14 +217,16 @@ class EpisodeMetrics:
         begin = self.time
         last = self.last
         task = self._task
+        seen = plan.space is not None and plan.space.grain is not None  # a map, of which the plant knows more
 
         if plan.space is not None and plan.space is not self._space:
             if last is not None and made.run is last.run:  # among other obstacles, to the same goal
                 self._driven.enter(plan.space.homology)
             else:
                 self._driven = Driven(task.homology, plan.state, begin)
-            self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene, self._adapter)
-        clearance = self._checker.least(plan.state[None], np.array([begin]))
+            self._space = plan.space
+            self._checker = self._checker if seen else ClearanceChecker(plan.space.scene, self._adapter)
+        clearance = advance.clearance if seen else self._checker.least(plan.state[None], np.array([begin]))
 
         self._off.extend(advance.off)
         self.time = begin + advance.time

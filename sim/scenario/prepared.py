@@ -30,6 +30,7 @@ SHARE = 0.25  # of the clearance that the robot has in the narrowest passage, at
 OPEN = 2.0  # times the margin is the clearance at both ends of a passage with a disc of its own
 DISC = 1.25  # radius of this disc, in distances of the farther end from the middle
 STEPS = 20  # of a time, by which noise adds up
+GRAIN = 0.6  # of a cell, by which clearances in a map may be too low: less takes longer
 WORTH = 2e-3  # a smaller margin is none [m]
 
 
@@ -69,9 +70,16 @@ def prepare(
         numbers = replace(settings, **changes)
         scene = own.scene if room is None else room(own.scene)
         own = replace(own, scene=replace(scene, narrow=narrow))
+        problem = kind.problem(own.scene, numbers)
+        known = own.scene
+        grain = None
+        if numbers.sense == "lidar":
+            known = replace(known, obstacles=(), movers=(), narrow=())
+            grain = GRAIN * numbers.cell
         return Scenario(
-            loaded=own, system=kind, settings=numbers, problem=kind.problem(own.scene, numbers),
-            space=FreeSpace.of(own.scene), margin=own.margin if margin is None else margin,
+            loaded=own, system=kind, settings=numbers,
+            problem=problem if grain is None else kind.problem(known, numbers), real=None if grain is None else problem,
+            space=FreeSpace.of(known, grain), margin=own.margin if margin is None else margin,
             widens=given.get("limit") is None and "limit" not in overlay,
         )  # fmt: skip
 

@@ -11,6 +11,7 @@ from pirrht.arrays import Array
 from pirrht.control.baselines import Mppi
 from pirrht.control.controller import Controller
 from pirrht.control.cost_to_go import shortest_paths, straight_lines
+from pirrht.control.mapped import Mapped
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
@@ -39,6 +40,8 @@ from sim.mjcf import Loaded
 from sim.mjcf.names import names_of
 from sim.options import check_size
 from sim.scenario.narrow_place import narrow_place
+from sim.sensing.lidar import Lidar, LidarSensor
+from sim.sensing.senses import Senses
 from sim.settings import Settings
 from sim.systems import System, refuse
 
@@ -46,7 +49,7 @@ QUICK = 400  # vertices at most of a tree that is grown within a control period
 DECIDED = ("noise", "phi", "risk", "between", "period")  # settings that decide on the margin of a risk
 ENOUGH = 30.0  # effective samples that the first plan of a run rests on, if it can be had
 
-Driver = Controller | Mppi | Optimal
+Driver = Controller | Mapped | Mppi | Optimal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -76,10 +79,13 @@ class Scenario:
     widens: bool = True  # whether the limit H_limit may give way; not one that was given
     risk_note: str = ""  # what a risk changed besides the margin, or that it is not kept
     spare: list[HomologyTree] = field(default_factory=list)  # a tree that is grown already: `grown_tree` takes it
+    real: Problem | None = None  # among what there is, where the robot has to see it; None: it is `problem`
     collision: CollisionProbability | None = None  # predicted at the start by the search for a margin
 
     def __post_init__(self) -> None:
         s = self.settings
+        if s.sense == "lidar" and self.system.adapter.dimension == 3:
+            raise OptionError("--sense lidar is for robots on the ground; leave it out")
         if s.method == "optimal" and self.moving and s.predict != "known":
             raise OptionError(f"the optimal law knows how bodies move; leave out --predict {s.predict}")
         if s.method == "mppi" and s.mppi_terminal != "straight" and self.system.adapter.dimension == 3:
@@ -97,7 +103,7 @@ class Scenario:
         if settings.risk is not None and (fixed := [one for one in DECIDED if one in changes and
                                                     changes[one] != getattr(self.settings, one)]):  # fmt: skip
             raise OptionError(f"{fixed[0]} decides on the margin that keeps --risk; prepare the scene with it")
-        problem = self.system.problem(self.loaded.scene, settings)
+        problem = self.system.problem(self.problem.scene, settings)
         widens = self.widens and "limit" not in changes
         return replace(self, settings=settings, problem=problem, widens=widens, spare=[], collision=None)
 
@@ -108,8 +114,8 @@ class Scenario:
 
     @property
     def moving(self) -> bool:
-        """Check for moving obstacles in the scene."""
-        return bool(self.loaded.scene.movers)
+        """Check for moving obstacles that plans know of."""
+        return bool(self.problem.scene.movers)
 
     @property
     def physics_step(self) -> float:
@@ -284,7 +290,7 @@ class Scenario:
             more["predict"] = ConstantVelocity(self.space, self._in_time(), trees, vertices=min(s.vertices, QUICK))
         if s.method == "mppi":
             sampling = replace(sampling, first=None, guide="open-loop", draws="independent")
-            problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
+            problem = self.system.problem(self.problem.scene, replace(s, noise=s.exploration * s.noise))
             straight = s.mppi_terminal == "straight"
             remaining = straight_lines(problem.scene.goal) if straight else shortest_paths(self.space)
             beyond = self.system.cost_to_go(problem, remaining)
@@ -298,14 +304,28 @@ class Scenario:
         self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = ignore_progress
     ) -> Driver:
         """Return the policy of the settings' method, over a grown tree; `truth` is the method "optimal"'s if known."""
-        return self.optimal(truth, progress) if self.settings.method == "optimal" else self.controller(tree)
+        s = self.settings
+        if s.method == "optimal":
+            return self.optimal(truth, progress)
+        controller = self.controller(tree)
+        if s.sense == "map" or not isinstance(controller, Controller):
+            return controller
+        return Mapped(controller, cell=s.cell, unknown=s.unknown, background=s.real_time)
 
     def plant(self) -> Plant:
         """Return the robot in MuJoCo, or its stochastic equation."""
         period = self.settings.period
         if self.settings.plant == "mujoco":
-            return Executor(self.loaded, self.problem, period=period)
+            return Executor(self.loaded, self.real or self.problem, period=period, senses=self._senses())
         return Plant(self.problem, period=period, physics_step=self.physics_step)
+
+    def _senses(self) -> Senses | None:
+        """Return what the robot sees with; None: it knows the scene."""
+        s = self.settings
+        if s.sense == "map":
+            return None
+        sensor = LidarSensor(self.loaded, Lidar.of(s.lidar or ""))
+        return Senses(sensor, s.sense_pose, np.random.default_rng(self._seeds()[2].spawn(1)[0]))
 
     def drive(
         self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None,
@@ -313,6 +333,8 @@ class Scenario:
     ) -> Generator[Frame]:  # fmt: skip
         """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; see `episode.run`."""
         s = self.settings
+        if isinstance(driver, Mapped) and isinstance(plant, Executor) and plant.senses is not None:
+            driver.sensor = plant.senses
         return episode.run(
             plant, driver, self.start if start is None else start, rng or self.plant_rng(), max_time=s.max_time,
             grow=s.grow, clock=Clock() if s.real_time else None, grid=grid, risk=self.collisions,

@@ -1,0 +1,151 @@
+"""Drive without a map: a controller among what a lidar has shown so far.
+
+What nobody has seen counts as free. A new map changes the scene as `Controller.update` does: obstacles keep their
+numbers and classes their names as far as they go on, and so does what the run knows of them.
+"""
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import Any, Protocol, cast
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.control.map_update import Renewed
+from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy
+from pirrht.errors import SceneError
+from pirrht.mapping.occupancy import OccupancyMap
+from pirrht.mapping.scan import Scan
+from pirrht.planner.references import Reference
+
+
+class Sensor(Protocol):
+    """What a robot senses."""
+
+    @property
+    def error(self) -> Array:
+        """Return the error of the believed pose, x, y [m] and yaw [rad], (3,)."""
+
+    def take(self) -> Iterable[Scan]:
+        """Return the scans since it was last called."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Believed:
+    """What the robot knew when a plan was made."""
+
+    scan: Scan | None  # the last one
+    occupied: np.ndarray[Any, np.dtype[np.bool_]]  # cells, (rows, columns), the lowest row first
+    unknown: np.ndarray[Any, np.dtype[np.bool_]]  # cells that no ray has passed, (rows, columns)
+    seconds: float  # that the new map took [s]; 0: nothing had changed
+
+
+class Mapped(Policy):
+    """A `Controller` whose scene is a map of what scans show.
+
+    Args:
+        controller: in a scene without obstacles, of a free space with a `grain`.
+        cell: side of a cell of the map [m].
+        sensor: has scans, by which plans begin, and the error of the believed pose; None: `see` is called.
+        unknown: price of a metre of a reference that nobody has seen [cost/m].
+        background: new maps are examined while the robot drives on by the last; False: before the next plan.
+    """
+
+    tree, run, path_integral, homology = (
+        cast(Any, property(attrgetter(f"controller.{name}"))) for name in ("tree", "run", "path_integral", "homology")
+    )
+
+    def __init__(
+        self, controller: Controller, *, cell: float = 0.05, sensor: Sensor | None = None, unknown: float = 0.0,
+        background: bool = False,
+    ) -> None:  # fmt: skip
+        self.controller = controller
+        self.cell = cell
+        self.sensor = sensor
+        self.unknown = unknown
+        self.believed: Believed | None = None
+        self.map = self._empty()
+
+        self._bare = replace(controller.problem.scene, obstacles=())
+        self._vertices = 0 if controller.tree is None else controller.tree.size
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="mapper") if background else None
+        self._pending: Future[Renewed | None] | None = None
+        self._last: Scan | None = None
+        self._version = 0  # of the map that was examined last
+        controller.surcharge = self._surcharge if unknown > 0.0 else None
+
+    def _empty(self) -> OccupancyMap:
+        scene = self.space.scene
+        return OccupancyMap(scene.lower, scene.upper, cell=self.cell)
+
+    def begin(self, x: Array, time: float = 0.0) -> None:
+        """Forget the run so far and its map; a new one starts at x (n,), at a time [s]."""
+        self._pending = None
+        self.map = self._empty()
+        self._version = 0
+        self.controller.update(self._bare, self._vertices or None)
+        self.controller.begin(x, time)
+
+    def see(self, scan: Scan) -> None:
+        """Add a scan to the map; the next plan counts with it."""
+        self.map.integrate(scan, free_around=self.space.scene.footprint.inscribed)
+        self._last = scan
+
+    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
+        """Decide at state x (n,) among what is known; see `Controller.plan`."""
+        error = np.zeros(len(x))
+        if self.sensor is not None:
+            for scan in self.sensor.take():
+                self.see(scan)
+            reads = [*self.problem.dynamics.reads(True)]
+            error[reads] = self.sensor.error[: len(reads)]
+        self._renew()
+        self.believed = Believed(scan=self._last, occupied=self.map.occupied, unknown=self.map.unknown, seconds=0.0)
+        return shifted(self.controller.plan(x + error, left), error)
+
+    def _renew(self) -> None:
+        """Continue in the newest map that is examined, and have the next one examined."""
+        pool = self._pool if self.run.planned else None
+        if self._pending is not None and (pool is None or self._pending.done()):
+            self._adopt(self._pending)
+        if self._pending is None and self.map.version != self._version:
+            self._version = self.map.version
+            scene = self.map.scene(self._bare)
+            if pool is None:
+                self._adopt(immediately(lambda: self.controller.renewed(scene, self._vertices or None)))
+            else:
+                self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
+
+    def _adopt(self, examined: "Future[Renewed | None]") -> None:
+        """Continue in a map; in the last one, if the goal is covered in it."""
+        self._pending = None
+        try:
+            self.controller.adopt(examined.result())
+        except SceneError:
+            return
+
+    def _surcharge(self, reference: Reference) -> float:
+        """Price what nobody has seen of a reference [cost]."""
+        return self.unknown * self.map.unseen_length(reference.trajectory.points)
+
+
+def shifted(plan: Plan, error: Array) -> Plan:
+    """Return a plan for states (n,) that the robot believes to be off by an error (n,)."""
+    law = plan.law
+    if law is None or not error.any():
+        return plan
+    return replace(plan, law=lambda x, s: law(x + error, s))
+
+
+def immediately(work: Callable[[], Any]) -> "Future[Any]":
+    """Return the result of work, or its error, as a future does."""
+    future: Future[Any] = Future()
+    try:
+        future.set_result(work())
+    except Exception as error:
+        future.set_exception(error)
+    return future
