@@ -330,7 +330,11 @@ class Scene:
         return self.footprint.grown(-self.margin)
 
 
+def height_of_walls(robot_height: float) -> float:
+    """Return the height [m] of walls that are as far from a robot, whose centre is so high, as their outlines are."""
+    return max(TUNING.wall_height, 2.0 * robot_height)
+
+
 def _height(task: SceneTask) -> float:
-    """Return the height [m] of walls that are as far from a robot as their outlines are."""
     centre = number(task.get("robot_height", 0.0), "the height of the robot's centre", "a number [m]", 0.0)
-    return max(TUNING.wall_height, 2.0 * centre)
+    return height_of_walls(centre)

@@ -1,0 +1,203 @@
+"""Grow a map of log-odds from scans, cell by cell.
+
+A cell in which a ray of a scan ends is raised, and one that rays only pass is lowered: once per scan, however many rays
+there are. Walls fill cells only in part, and rays pass the rest of them. So a ray takes a hit back only where it passes
+the hit itself, not just its cell: within a quarter of a cell, or half the distance to the next ray. And a ray that comes
+down to a wall at a small angle takes nothing back where it is above cells of that wall.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pirrht.arrays import Array, BoolArray
+from pirrht.geometry.checks import number, numbers
+from pirrht.geometry.scene import Scene, height_of_walls
+from pirrht.geometry.solids import cells, occupancy
+from pirrht.jit.jit import kernel
+from pirrht.mapping.scan import Scan
+from pirrht.mapping.tuning import TUNING, MapTuning
+
+
+class OccupancyMap:
+    """A grid in the plane that scans fill; what none has seen is free and unknown.
+
+    A cell counts as wholly occupied once a ray ends in it, so obstacles are larger than they are by up to one cell.
+
+    Args:
+        lower, upper: corners, (2,) [m]; the last row and column may reach beyond the upper one.
+        cell: side of a cell [m].
+        tuning: how much a scan counts.
+
+    Raises:
+        SceneError: the corners or the side are no such numbers, or there are too many cells.
+
+    Examples:
+        >>> import numpy as np
+        >>> from pirrht.mapping.occupancy import OccupancyMap
+        >>> from pirrht.mapping.scan import Scan
+        >>> grid = OccupancyMap((0, 0), (3, 1), cell=0.5)
+        >>> pose = np.array([0.2, 0.2, 0.0])
+        >>> grid.integrate(Scan(pose=pose, angles=np.zeros(1), ranges=np.array([1.5]), most=30.0))
+        >>> grid.occupied.astype(int).tolist(), grid.unknown.astype(int).tolist()
+        ([[0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 0, 0]], [[0, 0, 0, 0, 1, 1], [1, 1, 1, 1, 1, 1]])
+        >>> grid.unseen_length(np.array([[0.0, 0.2], [3.0, 0.2]]))
+        1.0
+    """
+
+    def __init__(
+        self, lower: ArrayLike, upper: ArrayLike, cell: float = 0.05, tuning: MapTuning = TUNING
+    ) -> None:  # fmt: skip
+        self.lower, high = (numbers(corner, (2,), "a corner of the map", "x, y [m]") for corner in (lower, upper))
+        self.cell = number(cell, "the side of a cell", "a positive number [m]")
+        self.tuning, self.version = tuning, 0  # the version is another one whenever `occupied` is
+        columns, rows = np.maximum(np.ceil((high - self.lower) / self.cell - 1e-6), 1).astype(int).tolist()
+        self._seen = np.zeros_like(occupancy(np.broadcast_to(np.False_, (rows, columns)), ("rows", "columns")))
+        self._odds = np.zeros((rows, columns))
+        self._hits = np.zeros((rows, columns, 2))  # the last one in each cell [cells]
+        self._stamps = np.zeros((rows, columns), np.int64)  # of the last scan that changed it
+        self._scans = 0
+
+    def __repr__(self) -> str:
+        rows, columns = self._odds.shape
+        return f"OccupancyMap({rows} x {columns} cells of {self.cell:g} m, {self.occupied.sum()} occupied)"
+
+    @property
+    def occupied(self) -> BoolArray:
+        """Return which cells (rows, columns) are occupied; the first row is the lowest."""
+        return np.asarray(self._odds > 0.0)
+
+    @property
+    def unknown(self) -> BoolArray:
+        """Return which cells (rows, columns) no ray has reached."""
+        return ~self._seen
+
+    def integrate(self, scan: Scan, free_around: float = 0.0) -> None:
+        """Raise the cells that a scan hits and lower those that its rays pass, up to the border.
+
+        `free_around`: radius [m] of a disc about the sensor that the robot fills: cells with their centre in it are
+        free whatever was seen. A ray that hit nothing lowers cells up to the greatest range.
+        """
+        self._scans += 1
+        place = (scan.pose[:2] - self.lower) / self.cell
+        changed = _integrate(
+            self._odds, self._seen, self._hits, self._stamps, self._scans, place, scan.angles + scan.pose[2],
+            scan.ranges / self.cell, scan.most / self.cell, free_around / self.cell, self.tuning,
+        )  # fmt: skip
+        self.version += bool(changed)
+
+    def scene(self, base: Scene) -> Scene:
+        """Return a scene in the plane in which boxes over just the occupied cells are the static obstacles."""
+        return replace(base, obstacles=cells(self.occupied, self.cell, self.lower, height_of_walls(base.robot_height)))
+
+    def unseen_length(self, points: Array) -> float:
+        """Return the length [m] that a polyline through points (k, 2) [m] has in unknown cells and off the map."""
+        return self.cell * float(_unseen(self._seen, (points - self.lower) / self.cell))
+
+
+@kernel
+def _integrate(odds, seen, hits, stamps, scan, place, angles, ranges, most, around, tuning):  # type: ignore[no-untyped-def]
+    """Change a grid by a scan, lengths in cells; return whether other cells are occupied than before."""
+    rows, columns = odds.shape
+    x, y = place
+    was = odds > 0.0
+    crossed = np.empty((rows + columns + 3, 2), np.int64)
+    begins = np.empty(rows + columns + 4)
+
+    for i in range(len(angles)):
+        if np.isfinite(ranges[i]):
+            far = ranges[i] + tuning.into
+            to_x = x + far * np.cos(angles[i])
+            to_y = y + far * np.sin(angles[i])
+            if 0.0 <= to_x < columns and 0.0 <= to_y < rows:
+                row, column = int(to_y), int(to_x)
+                hits[row, column] = to_x, to_y
+                if stamps[row, column] != scan:
+                    stamps[row, column] = scan
+                    odds[row, column] = min(odds[row, column] + tuning.hit, tuning.most)
+                    seen[row, column] = True
+
+    for i in range(len(angles)):
+        if ranges[i] == -np.inf:
+            continue
+        far = min(ranges[i], most)
+        apart, slope = 0.0, np.inf
+        for j in (i - 1, i + 1):
+            if 0 <= j < len(angles):
+                between = abs(angles[j] - angles[i])
+                apart = max(apart, between)
+                slope = min(slope, abs(ranges[j] - ranges[i]) / (ranges[i] * between))
+        until = far - tuning.grazing * slope if np.isfinite(ranges[i]) else far  # hits are taken back
+
+        along, across = np.cos(angles[i]), np.sin(angles[i])
+        count = _crossed(x, y, far * along, far * across, rows, columns, crossed, begins)
+        for k in range(count):
+            row, column = crossed[k]
+            seen[row, column] = True
+            if stamps[row, column] == scan:
+                continue
+            if odds[row, column] > 0.0:
+                past = far * begins[k + 1]
+                off = abs((hits[row, column, 0] - x) * across - (hits[row, column, 1] - y) * along)
+                if past > until or off > max(tuning.near, 0.5 * past * apart):
+                    continue
+            stamps[row, column] = scan
+            odds[row, column] = max(odds[row, column] - tuning.free, tuning.least)
+
+    for row in range(max(0, int(y - around)), min(rows, int(y + around) + 1)):
+        for column in range(max(0, int(x - around)), min(columns, int(x + around) + 1)):
+            if np.hypot(column + 0.5 - x, row + 0.5 - y) < around:
+                odds[row, column] = tuning.least
+                seen[row, column] = True
+    return np.any((odds > 0.0) != was)
+
+
+@kernel
+def _unseen(seen, points):  # type: ignore[no-untyped-def]
+    """Return the length of a polyline outside the cells that were seen, in cells."""
+    rows, columns = seen.shape
+    crossed = np.empty((rows + columns + 3, 2), np.int64)
+    begins = np.empty(rows + columns + 4)
+    length = 0.0
+    for i in range(len(points) - 1):
+        x, y = points[i]
+        along = points[i + 1, 0] - x
+        across = points[i + 1, 1] - y
+        share = 1.0
+        for k in range(_crossed(x, y, along, across, rows, columns, crossed, begins)):
+            if seen[crossed[k, 0], crossed[k, 1]]:
+                share -= begins[k + 1] - begins[k]
+        length += share * np.hypot(along, across)
+    return length
+
+
+@kernel
+def _crossed(x, y, along, across, rows, columns, cells, begins):  # type: ignore[no-untyped-def]
+    """Fill in the cells of a grid that a segment crosses, row and column, and at which share of it each begins.
+
+    The share at which the last one ends follows. Return the number of cells.
+    """
+    along = along if abs(along) > 1e-12 else 1e-12
+    across = across if abs(across) > 1e-12 else 1e-12
+    right, up = along > 0.0, across > 0.0
+    first = max(0.0, ((0 if right else columns) - x) / along, ((0 if up else rows) - y) / across)
+    last = min(1.0, ((columns if right else 0) - x) / along, ((rows if up else 0) - y) / across)
+    if not first < last:
+        return 0
+    column = min(max(int(x + first * along), 0), columns - 1)
+    row = min(max(int(y + first * across), 0), rows - 1)
+
+    count = 0
+    begins[0] = first
+    while begins[count] < last and 0 <= column < columns and 0 <= row < rows:
+        cells[count] = row, column
+        next_column = (column + right - x) / along
+        next_row = (row + up - y) / across
+        count += 1
+        begins[count] = min(next_column, next_row, last)
+        if next_column < next_row:
+            column += 1 if right else -1
+        else:
+            row += 1 if up else -1
+    return count

@@ -1,0 +1,1 @@
+"""What a robot senses in MuJoCo: ranges of a lidar."""
