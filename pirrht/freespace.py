@@ -35,28 +35,30 @@ class Member(NamedTuple):
     """A kind of robots."""
 
     collision: type[Collision]  # exact distances of (world, footprint)
-    # clearances of the inscribed disc or ball from those that count, of a grain [m]
-    field: Callable[[Collision, Sequence[int], float | None], Any]
-    static: Callable[[Scene, Sequence[int], Any, float | None], Space]  # of obstacles that count, and that field
+    # Clearances of the inscribed disc or ball from obstacles that count, and those of the robot; of a grain [m].
+    fields: Callable[[Scene, Collision, Sequence[int], float | None], tuple[Any, Space]]
 
 
-def _disc(collision: Collision, members: Sequence[int], grain: float | None) -> Disc:
+def _disc(scene: Scene, collision: Collision, members: Sequence[int], grain: float | None) -> tuple[Disc, Disc]:
+    cells = {} if grain is None else {"cells": max(TUNING.cells_per_disc, collision.least_radius / grain)}
+    disc = Disc.over(build_field(collision, members, **cells))
+    return disc, disc
+
+
+def _polygon(scene: Scene, collision: Collision, members: Sequence[int], grain: float | None) -> tuple[Disc, Polygon]:
     if grain is None:
-        return Disc.over(build_field(collision, members))
-    return Disc.over(build_field(collision, members, cells=max(TUNING.cells_per_disc, collision.least_radius / grain)))
+        return _disc(scene, collision, members, None)[0], Polygon.of(scene.world, scene.footprint, members)
+    polygon = Polygon.of(scene.world, scene.footprint, members, grain)
+    return Disc.over(polygon.inscribed()), polygon
 
 
-def _polygon(scene: Scene, members: Sequence[int], _: Any, grain: float | None) -> Polygon:
-    return Polygon.of(scene.world, scene.footprint, members, TUNING.excess if grain is None else grain)
+def _ball(scene: Scene, collision: Collision, members: Sequence[int], grain: float | None) -> tuple[Ball, Ball]:
+    ball = Ball.of(collision, members)
+    return ball, ball
 
 
 MEMBERS = {
-    "disc": Member(Collision, _disc, lambda scene, members, field, grain: field),
-    "polygon": Member(HullCollision, _disc, _polygon),
-    "ball": Member(
-        Collision, lambda collision, members, grain: Ball.of(collision, members),
-        lambda scene, members, field, grain: field,
-    ),
+    "disc": Member(Collision, _disc), "polygon": Member(HullCollision, _polygon), "ball": Member(Collision, _ball),
 }  # fmt: skip
 
 
@@ -116,9 +118,7 @@ class FreeSpace:
     ) -> FreeSpace:  # fmt: skip
         try:
             members = sorted({i for part in parts for i in part.members})
-            member = _member(scene)
-            field = member.field(collision, members, grain)
-            static = member.static(scene, members, field, grain)
+            field, static = _member(scene).fields(scene, collision, members, grain)
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
         homology = signature_of(scene, encircled, named)

@@ -84,6 +84,12 @@ class Polygon(Held, PolygonNumbers):
             field, table, groups, *radii, *reach, TUNING.tight * excess, TUNING.cover_share * excess, field.spacing
         )
 
+    def inscribed(self) -> Field:
+        """Return clearances of the footprint's inscribed disc."""
+        less = np.float32(self.within)
+        held = self.field.held
+        return self.field._replace(nearest=held["nearest"] - less, second=held["second"] - less)
+
     def set_back(self, distance: float) -> Polygon:
         """Return the space with all walls, the border included, moved back by a distance [m]."""
         return self._replace(field=self.field.set_back(distance))

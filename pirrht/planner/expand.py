@@ -208,7 +208,7 @@ def growing(certify: Any) -> Any:
             x = draws[i]
             v = load_int64(at.size, g.SIZE.vertices)
             status = certify(around.static, x)
-            if status == BLOCKED:
+            if status == BLOCKED or (status != FREE and not rules.asks):
                 i += 1
                 continue
             away = _from_goal(around, x)
@@ -221,7 +221,7 @@ def growing(certify: Any) -> Any:
             out, unsure = _propose(
                 propose, (vertices, v if forward else v + 1, x, around, values, forward, root, straight)
             )
-            if unsure > 0:
+            if unsure > 0 and rules.asks:
                 return i, STATUS.ask
             if forward and not reaches(at, straight, out, rules):
                 i += 1
@@ -231,7 +231,7 @@ def growing(certify: Any) -> Any:
                 back, unsure = _propose(propose, (vertices, v + 1, x, around, values, False, False, straight))
             edges = load_int64(at.size, g.SIZE.edges) + len(out.near) + len(back.near)
             pairs = load_int64(at.size, g.SIZE.pairs) + len(out.turns.marker) + len(back.turns.marker)
-            if unsure > 0 or edges > at.edge_room or pairs > at.pair_room:
+            if (unsure > 0 and rules.asks) or edges > at.edge_room or pairs > at.pair_room:
                 return i, STATUS.ask
             insert(at, vertices, straight, out, back, around, rules)
             i += 1

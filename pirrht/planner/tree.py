@@ -87,7 +87,9 @@ class HomologyTree:
         self.tuning = tuning
 
         self.homology = steering.homology(space)
-        self.rules = SearchRules(float(limit), int(classes), limit >= self.homology.most_base, bool(steering.symmetric))
+        self.rules = SearchRules(
+            float(limit), int(classes), limit >= self.homology.most_base, bool(steering.symmetric), space.grain is None
+        )
         self.checker = steering.checker(space)
         self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0

@@ -30,7 +30,7 @@ SHARE = 0.25  # of the clearance that the robot has in the narrowest passage, at
 OPEN = 2.0  # times the margin is the clearance at both ends of a passage with a disc of its own
 DISC = 1.25  # radius of this disc, in distances of the farther end from the middle
 STEPS = 20  # of a time, by which noise adds up
-GRAIN = 0.6  # of a cell, by which clearances in a map may be too low: less takes longer
+GRAIN = 1.0  # of a cell, by which clearances in a map may be too low: less takes longer
 WORTH = 2e-3  # a smaller margin is none [m]
 
 
