@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -207,9 +207,18 @@ def cover(footprint: Footprint, excess: float) -> Array:
     No disc reaches more than `excess` [m] beyond the polygon. Each is the largest disc inside that touches an edge at
     some place, larger by the excess; they are chosen greedily until they contain the edges, then the inside.
     """
-    hull, slack = footprint.hull, TUNING.cover_slack * excess
     if footprint.is_disc:
         return np.array([[0.0, 0.0, footprint.rounding]])
+    discs = _covering(tuple(map(tuple, footprint.hull.tolist())), excess)
+    discs = discs + (0.0, 0.0, footprint.rounding)
+    return discs[np.argsort(-discs[:, 2], kind="stable")]
+
+
+@lru_cache(maxsize=8)
+def _covering(corners: tuple[tuple[float, float], ...], excess: float) -> Array:
+    """Cover a hull; a robot that maps asks for the same discs again and again."""
+    hull = np.array(corners)
+    slack = TUNING.cover_slack * excess
     along = np.roll(hull, -1, axis=0) - hull
     size = np.hypot(*along.T)
     normal = np.column_stack((-along[:, 1], along[:, 0])) / size[:, None]
@@ -236,9 +245,7 @@ def cover(footprint: Footprint, excess: float) -> Array:
         if np.any(holds[best] & left):
             chosen.append([*candidates[best], radii[best]])
             left &= ~holds[best]
-    discs = _filled(hull, np.array(chosen), excess, slack)
-    discs[:, 2] += footprint.rounding
-    return discs[np.argsort(-discs[:, 2], kind="stable")]
+    return _filled(hull, np.array(chosen), excess, slack)
 
 
 def _filled(hull: Array, discs: Array, excess: float, slack: float) -> Array:

@@ -99,7 +99,7 @@ def numbered(
 
 def _component(planar: "_Planar", members: list[int]) -> Component | None:
     distinct = np.unique(planar.collision.first[members]).tolist()
-    inside = [i for i in distinct if planar.common(i, i, planar.world.lower, planar.world.upper) is not None]
+    inside = [i for i in distinct if planar.enters(i)]
     if not inside:
         return None
     joins_border = any(map(planar.leaves, inside))
@@ -123,6 +123,7 @@ class _Planar:
         self.offset = np.where(rough, 0.04, 1e-4) * self.radius
         self.doubt = np.where(rough, 1e-3, 1e-6)  # possible error of a slope
         self.upright = np.array([self._is_upright(o) for o in self.obstacles], dtype=bool)
+        self.exact = self.upright & (not self.world.waivers)  # whether the bounds are those of the inflated shape
 
     def _is_upright(self, o: Obstacle) -> bool:
         """Tell whether a solid is a box along the axes with the robot's centre between its bottom and its top."""
@@ -196,8 +197,19 @@ class _Planar:
         d = self.collision.obstacle_distance(i, np.array([[x + h, y], [x, y + h], [x - h, y], [x, y - h]]))
         return np.asarray((d[:2] - d[2:]) / (2 * h))
 
+    def enters(self, i: int) -> bool:
+        """Return whether some of P_i is in the workspace."""
+        lower, upper = self.world.lower, self.world.upper
+        if self.upright[i] and np.all(
+            (lower < self.obstacles[i].position[:2]) & (self.obstacles[i].position[:2] < upper)
+        ):
+            return True
+        return self.common(i, i, lower, upper) is not None
+
     def leaves(self, i: int) -> bool:
         """Return whether some of P_i is not in the workspace."""
+        if self.exact[i]:
+            return bool(np.any(self.low[i] < self.world.lower) or np.any(self.high[i] > self.world.upper))
         sides = [(-NOWHERE, np.where(axis, self.world.lower, np.inf)) for axis in np.eye(2, dtype=bool)]
         sides += [(np.where(axis, self.world.upper, -np.inf), NOWHERE) for axis in np.eye(2, dtype=bool)]
         return any(self.meeting_point(i, i, *side) is not None for side in sides)
