@@ -68,11 +68,10 @@ class Lidar:
                 like = suggestion(name, known) or f"; those are {', '.join(known)}"
                 raise OptionError(f"a lidar has no {name[:40]!r}{like}: write {FORM}")
             try:
-                given[name] = float(number)
+                value = float(number)
             except ValueError:
                 raise OptionError(f"the lidar's {name} is {number[:40]!r}; it must be a number: write {FORM}") from None
-        if given.get("rays", 0.0).is_integer():
-            given["rays"] = int(given.get("rays", cls().rays))
+            given[name] = int(value) if name == "rays" and value.is_integer() else value
         return cls(**given)  # type: ignore[arg-type]
 
     @property
