@@ -1,9 +1,11 @@
 """Grow a map of log-odds from scans, cell by cell.
 
 A cell in which a ray of a scan ends is raised, and one that rays only pass is lowered: once per scan, however many rays
-there are. Walls fill cells only in part, and rays pass the rest of them. So a ray takes a hit back only where it passes
-the hit itself, not just its cell: within a quarter of a cell, or half the distance to the next ray. And a ray that comes
-down to a wall at a small angle takes nothing back where it is above cells of that wall.
+there are. Walls fill cells only in part, and rays pass the rest of them. So a ray takes a hit back only
+
+- where it passes the hit itself, not just its cell: within a quarter of a cell, or half the distance to the next ray;
+- nearer than the rays next to it end: so an edge is not what is gone;
+- where it is above the cells of a wall that it comes down to at a small angle.
 """
 
 from dataclasses import replace
@@ -49,9 +51,11 @@ class OccupancyMap:
     def __init__(
         self, lower: ArrayLike, upper: ArrayLike, cell: float = 0.05, tuning: MapTuning = TUNING
     ) -> None:  # fmt: skip
-        self.lower, high = (numbers(corner, (2,), "a corner of the map", "x, y [m]") for corner in (lower, upper))
+        self.lower = numbers(lower, (2,), "the lower corner of the map", "x, y [m]")
+        high = numbers(upper, (2,), "the upper corner of the map", "x, y [m]")
         self.cell = number(cell, "the side of a cell", "a positive number [m]")
-        self.tuning, self.version = tuning, 0  # the version is another one whenever `occupied` is
+        self.tuning = tuning
+        self.version = 0  # another one whenever `occupied` is
         columns, rows = np.maximum(np.ceil((high - self.lower) / self.cell - 1e-6), 1).astype(int).tolist()
         self._seen = np.zeros_like(occupancy(np.broadcast_to(np.False_, (rows, columns)), ("rows", "columns")))
         self._odds = np.zeros((rows, columns))
@@ -102,55 +106,87 @@ def _integrate(odds, seen, hits, stamps, scan, place, angles, ranges, most, arou
     rows, columns = odds.shape
     x, y = place
     was = odds > 0.0
-    crossed = np.empty((rows + columns + 3, 2), np.int64)
-    begins = np.empty(rows + columns + 4)
-
-    for i in range(len(angles)):
-        if np.isfinite(ranges[i]):
-            far = ranges[i] + tuning.into
-            to_x = x + far * np.cos(angles[i])
-            to_y = y + far * np.sin(angles[i])
-            if 0.0 <= to_x < columns and 0.0 <= to_y < rows:
-                row, column = int(to_y), int(to_x)
-                hits[row, column] = to_x, to_y
-                if stamps[row, column] != scan:
-                    stamps[row, column] = scan
-                    odds[row, column] = min(odds[row, column] + tuning.hit, tuning.most)
-                    seen[row, column] = True
-
-    for i in range(len(angles)):
-        if ranges[i] == -np.inf:
-            continue
-        far = min(ranges[i], most)
-        apart, slope = 0.0, np.inf
-        for j in (i - 1, i + 1):
-            if 0 <= j < len(angles):
-                between = abs(angles[j] - angles[i])
-                apart = max(apart, between)
-                slope = min(slope, abs(ranges[j] - ranges[i]) / (ranges[i] * between))
-        until = far - tuning.grazing * slope if np.isfinite(ranges[i]) else far  # hits are taken back
-
-        along, across = np.cos(angles[i]), np.sin(angles[i])
-        count = _crossed(x, y, far * along, far * across, rows, columns, crossed, begins)
-        for k in range(count):
-            row, column = crossed[k]
-            seen[row, column] = True
-            if stamps[row, column] == scan:
-                continue
-            if odds[row, column] > 0.0:
-                past = far * begins[k + 1]
-                off = abs((hits[row, column, 0] - x) * across - (hits[row, column, 1] - y) * along)
-                if past > until or off > max(tuning.near, 0.5 * past * apart):
-                    continue
-            stamps[row, column] = scan
-            odds[row, column] = max(odds[row, column] - tuning.free, tuning.least)
-
+    _raise(odds, seen, hits, stamps, scan, place, angles, ranges, tuning)
+    _lower(odds, seen, hits, stamps, scan, place, angles, ranges, most, tuning)
     for row in range(max(0, int(y - around)), min(rows, int(y + around) + 1)):
         for column in range(max(0, int(x - around)), min(columns, int(x + around) + 1)):
             if np.hypot(column + 0.5 - x, row + 0.5 - y) < around:
                 odds[row, column] = tuning.least
                 seen[row, column] = True
     return np.any((odds > 0.0) != was)
+
+
+@kernel
+def _raise(odds, seen, hits, stamps, scan, place, angles, ranges, tuning):  # type: ignore[no-untyped-def]
+    """Raise the cells in which rays end."""
+    rows, columns = odds.shape
+    for i in np.flatnonzero(np.isfinite(ranges)):
+        far = ranges[i] + tuning.into
+        x = place[0] + far * np.cos(angles[i])
+        y = place[1] + far * np.sin(angles[i])
+        if 0.0 <= x < columns and 0.0 <= y < rows:
+            row, column = _hit_cell(odds, x, y, tuning.slack)
+            hits[row, column] = min(max(x, column), column + 1), min(max(y, row), row + 1)
+            if stamps[row, column] != scan:
+                stamps[row, column] = scan
+                odds[row, column] = min(odds[row, column] + tuning.hit, tuning.most)
+                seen[row, column] = True
+
+
+@kernel
+def _lower(odds, seen, hits, stamps, scan, place, angles, ranges, most, tuning):  # type: ignore[no-untyped-def]
+    """Lower the cells that rays pass, unless this scan has changed them."""
+    rows, columns = odds.shape
+    x, y = place
+    crossed = np.empty((rows + columns + 3, 2), np.int64)
+    begins = np.empty(rows + columns + 4)
+    for i in np.flatnonzero(ranges > -np.inf):
+        far = min(ranges[i], most)
+        until, apart = _surely_free(angles, ranges, i, far, tuning.grazing)
+        along = np.cos(angles[i])
+        across = np.sin(angles[i])
+
+        for k in range(_crossed(x, y, far * along, far * across, rows, columns, crossed, begins)):
+            row, column = crossed[k]
+            seen[row, column] = True
+            if odds[row, column] > 0.0:
+                past = far * begins[k + 1]
+                off = abs((hits[row, column, 0] - x) * across - (hits[row, column, 1] - y) * along)
+                if past > until or off > max(tuning.near, 0.5 * past * apart):
+                    continue
+            if stamps[row, column] != scan:
+                stamps[row, column] = scan
+                odds[row, column] = max(odds[row, column] - tuning.free, tuning.least)
+
+
+@kernel
+def _surely_free(angles, ranges, i, far, grazing):  # type: ignore[no-untyped-def]
+    """Return how far ray i takes hits back, and the angle to its neighbours, the greater one."""
+    apart = 0.0
+    slope = np.inf
+    nearest = far
+    for j in (i - 1, i + 1):
+        if 0 <= j < len(angles):
+            between = abs(angles[j] - angles[i])
+            apart = max(apart, between)
+            nearest = min(nearest, ranges[j])
+            slope = min(slope, abs(ranges[j] - ranges[i]) / (ranges[i] * between))
+    return min(nearest, far - grazing * slope) if np.isfinite(ranges[i]) else nearest, apart
+
+
+@kernel
+def _hit_cell(odds, x, y, slack):  # type: ignore[no-untyped-def]
+    """Return the cell, row and column, of a hit: its own one, unless only one within a slack of it is occupied."""
+    rows, columns = odds.shape
+    row = int(y)
+    column = int(x)
+    if odds[row, column] > 0.0:
+        return row, column
+    for i in range(max(int(y - slack), 0), min(int(y + slack), rows - 1) + 1):
+        for j in range(max(int(x - slack), 0), min(int(x + slack), columns - 1) + 1):
+            if odds[i, j] > 0.0:
+                return i, j
+    return row, column
 
 
 @kernel
@@ -180,7 +216,8 @@ def _crossed(x, y, along, across, rows, columns, cells, begins):  # type: ignore
     """
     along = along if abs(along) > 1e-12 else 1e-12
     across = across if abs(across) > 1e-12 else 1e-12
-    right, up = along > 0.0, across > 0.0
+    right = along > 0.0
+    up = across > 0.0
     first = max(0.0, ((0 if right else columns) - x) / along, ((0 if up else rows) - y) / across)
     last = min(1.0, ((columns if right else 0) - x) / along, ((rows if up else 0) - y) / across)
     if not first < last:

@@ -11,6 +11,9 @@ class MapTuning(NamedTuple):
     least: float = -0.4  # of a cell: after any number of scans without a wall the first one with it counts
     most: float = 1.5  # of a cell: after four scans without a wall it is gone
     into: float = 0.1  # of a cell by which hits are moved on along their rays: noise does not choose a wall's side
+    slack: float = (
+        0.3  # of a cell by which a hit may miss an occupied cell and count for it: corners stay where they are
+    )
     near: float = 0.25  # of a cell up to which a ray passes the last hit in it and takes that back
     grazing: float = 1.0  # cells above a wall through which a ray comes down to its hit, and takes back no hits
 

@@ -1,7 +1,7 @@
 """A lidar in MuJoCo: rays in one plane to whatever the robot collides with, where that is now.
 
-Rays meet meshes themselves, where contacts and plans have their convex hulls. The border of a workspace is no solid, and
-unseen.
+Rays meet meshes themselves, where contacts and plans have their convex hulls. The border of a workspace is no solid, so
+no ray ends there.
 """
 
 from collections.abc import Callable
@@ -68,11 +68,10 @@ class Lidar:
                 like = suggestion(name, known) or f"; those are {', '.join(known)}"
                 raise OptionError(f"a lidar has no {name[:40]!r}{like}: write {FORM}")
             try:
-                given[name] = float(number)
+                value = float(number)
             except ValueError:
                 raise OptionError(f"the lidar's {name} is {number[:40]!r}; it must be a number: write {FORM}") from None
-        if given.get("rays", 0.0).is_integer():
-            given["rays"] = int(given.get("rays", cls().rays))
+            given[name] = int(value) if name == "rays" and value.is_integer() else value
         return cls(**given)  # type: ignore[arg-type]
 
     @property
@@ -88,15 +87,17 @@ class Lidar:
 
     def mounted(self, pose: Array) -> Array:
         """Pose of the sensor on a robot at x, y, yaw, (3,) [m, m, rad]."""
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        return np.asarray(pose + (c * self.x - s * self.y, s * self.x + c * self.y, self.yaw))
+        c = np.cos(pose[2])
+        s = np.sin(pose[2])
+        return np.add(pose, (c * self.x - s * self.y, s * self.x + c * self.y, self.yaw))
 
 
 class LidarSensor:
     """A lidar among the obstacles of a loaded scene, which does not see the robot, or what it cannot collide with."""
 
     def __init__(self, loaded: Loaded, lidar: Lidar) -> None:
-        self.lidar, self._angles = lidar, lidar.angles
+        self.lidar = lidar
+        self._angles = lidar.angles
         self._height = loaded.scene.robot_height if lidar.z is None else lidar.z
         model = self._model = copy(loaded.model)  # rays pass what is of another group, or drawn as transparent
         model.geom_group[:] = np.where(loaded.obstacle_geoms, SEEN, UNSEEN)
