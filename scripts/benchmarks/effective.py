@@ -53,9 +53,7 @@ class Drive(NamedTuple):
         if self.kind == self.scene:
             return prepare(self.scene, **given)
         page = GROWN[self.scene]() if self.kind == "grown" else world(self.scene, **NARROW)
-        return prepared(
-            "scene", page.text(), **given, **({"start": START} if self.kind == "BARN" else {})
-        )
+        return prepared("scene", page.text(), **given, **({"start": START} if self.kind == "BARN" else {}))
 
 
 def drives(options: argparse.Namespace) -> Iterator[Drive]:
