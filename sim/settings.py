@@ -123,8 +123,8 @@ class SceneOptions:
     """Choices of scene, robot and task; None where the scene decides. OptionError: a value is out of its bounds."""
 
     # fmt: off
-    robot: Any = stated(None, "puck, unicycle, diffdrive, hover, rover, car, ball, drone or an MJCF file", "NAME",
-                        unset="the scene's")
+    robot: Any = stated(None, "puck, unicycle, diffdrive, hover, rover, jackal, car, ball, drone or an MJCF file",
+                        "NAME", unset="the scene's")
     system: Any = stated(None,
                          "a `sim.systems.System`, or a function that returns one, from a module here or installed",
                          "MODULE:NAME", unset="the robot's")

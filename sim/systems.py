@@ -214,6 +214,12 @@ SYSTEMS = (  # an `urge` of v'v, where R = 2, asks for the speed v of the settin
         defaults={"vertices": 2000, "samples": 300, "period": 0.05}, paper_samples=300, heeds=("noise", "speed"),
         own=("vertices", "samples", "dt", "period"), robots=("rover",), noise_in="m/sqrt(s), 2b rad/sqrt(s)",
     ),
+    System(  # a rover whose wheels have inertia
+        name="jackal", dynamics=_dynamics("rover:Rover"), R=np.diag([2.0, 0.5]), urge=lambda s: s.speed**2, states=POSE,
+        defaults={"noise": 0.05, "speed": 1.5, "vertices": 400, "samples": 300, "period": 0.1, "max_time": 60.0},
+        paper_samples=300, heeds=("noise", "speed"), own=("noise", "vertices", "samples", "dt", "period"),
+        robots=("jackal",), noise_in="m/sqrt(s), 2b rad/sqrt(s)",
+    ),
     System(
         name="second_order_car", dynamics=_dynamics("second_order_car:SecondOrderCar"), R=np.eye(2), q_min=1.0,
         q="pirrht.systems.second_order_car:cruising", states=(*POSE, "speed"), twists=3,

@@ -7,18 +7,17 @@ each of these in turn: footprints, or radii of discs [m].
 """
 
 import argparse
-import json
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import groupby, product
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from benchmarks.barn import START, world, worlds
 from benchmarks.moving_text import prepared
 from benchmarks.pool import spread
 from worlds import grown
-from worlds.page import Page, drum
+from worlds.page import Page
 
 from pirrht.errors import NoReference, SceneError
 from pirrht.estimation.sampling import TUNING
@@ -26,8 +25,10 @@ from sim.scenario import Scenario, prepare
 
 ROBOTS = ("puck", "unicycle", "diffdrive", "hover", "rover", "car")
 SCENES, SEEDS = ("house", "office", "clutter", "barn", "forest", "warehouse"), 2
-BARN = Path(__file__).resolve().parents[3] / "shared" / "data" / "barn" / "test50.json"
 WORLDS = 10
+NARROW: dict[str, Any] = {
+    "size": (4.5, 14.0), "goal": (2.25, 13.0, 0.9), "settings": {"noise": 0.08, "vertices": 2000, "limit": 0.8},
+}  # fmt: skip
 GROWN: dict[str, Callable[[], Page]] = {
     "forest 1": partial(grown.forest, 1), "barn 1": partial(grown.barn, 1), "barn 2": partial(grown.barn, 2),
 }  # fmt: skip
@@ -51,20 +52,8 @@ class Drive(NamedTuple):
             given |= {"radius": float(self.shape)} if round_ else {"footprint": self.shape}
         if self.kind == self.scene:
             return prepare(self.scene, **given)
-        page = GROWN[self.scene]() if self.kind == "grown" else world(self.scene)
-        return prepared(
-            "scene", page.text(), **given, **({"start": (2.25, 3.0, 0.5 * np.pi)} if self.kind == "BARN" else {})
-        )
-
-
-def world(number: str) -> Page:
-    """A world of BARN: a course walled in by cylinders, from its closed end out of the open one."""
-    posts = enumerate(json.loads(BARN.read_text())[number])
-    return Page(
-        name=f"barn {number}", about="A world of BARN.", why="BARN (Perille et al. 2020).", size=(4.5, 14.0),
-        start=(2.25, 3.0), goal=(2.25, 13.0, 0.9), settings={"noise": 0.08, "vertices": 2000, "limit": 0.8},
-        elements=[drum(f"post {i}", x + 4.5, y, 0.075) for i, (x, y) in posts],
-    )  # fmt: skip
+        page = GROWN[self.scene]() if self.kind == "grown" else world(self.scene, **NARROW)
+        return prepared("scene", page.text(), **given, **({"start": START} if self.kind == "BARN" else {}))
 
 
 def drives(options: argparse.Namespace) -> Iterator[Drive]:
@@ -74,8 +63,8 @@ def drives(options: argparse.Namespace) -> Iterator[Drive]:
         for scene in [options.scene] if options.scene else SCENES:
             yield from (Drive(robot, scene, scene, seed, shape) for seed in seeds if scene != "BARN")
         if options.scene in (None, "BARN"):
-            worlds = list(json.loads(BARN.read_text()))[:: 50 // (options.scenes or WORLDS)] if BARN.exists() else []
-            yield from (Drive(robot, "BARN", number, options.first_seed, shape) for number in worlds)
+            numbers = worlds()[:: 50 // (options.scenes or WORLDS)]
+            yield from (Drive(robot, "BARN", number, options.first_seed, shape) for number in numbers)
         if options.scene is None:
             yield from (Drive(robot, "grown", name, options.first_seed, shape) for name in GROWN)
 

@@ -79,7 +79,7 @@ class FreeJointBase:
         data.qpos[:2] = x, y
         data.qvel[:2] = twist[0] * cos(heading), twist[0] * sin(heading)
         data.qvel[5] = twist[1]
-        data.qvel[self._wheels] = ctrl
+        np.add.at(data.qvel, self._wheels, ctrl)  # several actuators may drive a wheel
 
     def read(self, data: mujoco.MjData, before: Array) -> Array:
         """Return the state now, (n,), given the one of the step before, from which the heading goes on."""

@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from sim.mjcf import load, models_folder
 from sim.recording import geoms
 
-DRAWN = ["unicycle", "car", "rover", "diffdrive", "puck", "hover"]
+DRAWN = ["unicycle", "car", "rover", "diffdrive", "jackal", "puck", "hover"]
 MESHES = models_folder() / "robots" / "meshes"
 
 
