@@ -1,6 +1,7 @@
 """Algorithm 4, the execution phase: references of every class, samples around all of them, one control."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from pirrht.arrays import Array
 from pirrht.control import map_update
 from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.checks import refuse_misfits, validate
+from pirrht.control.governor import GovernedLaw, Governor
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
@@ -40,6 +42,8 @@ class Controller(Policy):
         backend: simulates paths; None: compiled kernels on this machine.
         homology: tells classes apart; None: that of the tree, or of the problem.
         predict: predicts moving obstacles; None: their motions are known.
+        deceleration: at which the robot can brake [m/s^2]: controls keep to speeds from which it can stop (`governor`);
+            0: it stops at once.
         surcharge: what the samples of a class pay besides their cost, by its reference [cost]; None: nothing.
         rng: source of one seed per plan.
 
@@ -68,13 +72,14 @@ class Controller(Policy):
         method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
         held: float | None = None, homology: Signature | None = None, predict: ConstantVelocity | None = None,
         tuning: ControlTuning = TUNING, propose: Sequence[Propose] = (), backend: Backend | None = None,
-        surcharge: Surcharge | None = None, rng: np.random.Generator,
+        surcharge: Surcharge | None = None, deceleration: float = 0.0, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.settings = ControlSettings(
             method=method, shortened=shortened, consistency=consistency, between=between, held=held, tuning=tuning
         )
         refuse_misfits(sampling, propose, backend, rng)
         self.predict, self.rng, self.surcharge = predict, rng, surcharge
+        self.deceleration = deceleration
         self._enter(problem, space, tree, sampling, homology, propose, backend)
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
@@ -123,7 +128,15 @@ class Controller(Policy):
         batch, estimate = self.proposals.estimate(draft, int(self.rng.integers(2**63)), run, budget)
         if estimate is None:
             return blocked_plan(self.brake, x, run, self.space, "no survivor", batch, references)
-        return plan_of(self.path_integral, batch, references, estimate, run, settings)
+        return self._governed(plan_of(self.path_integral, batch, references, estimate, run, settings))
+
+    def _governed(self, plan: Plan) -> Plan:
+        """Return a plan whose controls keep to speeds from which the robot can stop."""
+        if plan.law is None or self.deceleration <= 0.0:
+            return plan
+        static = self.space.static
+        governor = Governor(dynamics=self.problem.dynamics, static=static, deceleration=self.deceleration)
+        return replace(plan, law=GovernedLaw(plan.law, governor))
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """Return what a plan at x (n,) samples first, around references."""

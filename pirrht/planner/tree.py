@@ -88,7 +88,11 @@ class HomologyTree:
 
         self.homology = steering.homology(space)
         self.rules = SearchRules(
-            float(limit), int(classes), limit >= self.homology.most_base, bool(steering.symmetric), space.grain is None
+            float(limit),
+            int(classes),
+            limit >= self.homology.most_base,
+            bool(steering.symmetric),
+            asks=space.grain is None,
         )
         self.checker = steering.checker(space)
         self.storage = Storage(steering.n, self.homology.M, classes)

@@ -297,7 +297,7 @@ class Scenario:
             return Mppi(problem, self.space, sampling, horizon=s.horizon, terminal_cost=beyond, **more)
         return Controller(
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
-            between=s.between, held=self.physics_step, **more,
+            between=s.between, held=self.physics_step, deceleration=s.brake, **more,
         )  # fmt: skip
 
     def driver(

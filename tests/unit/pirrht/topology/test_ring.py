@@ -86,6 +86,7 @@ class BoxWorld:
     """A cube of SIDE m with a square ring of four bars, for a point that goes to a ball."""
 
     def __init__(self) -> None:
+        self.grain = None
         self.scene = SimpleNamespace(name="ring in space", goal=SimpleNamespace(center=GOAL, radius=RADIUS))
         bars = []
         for axis, sign in ((1, -1.0), (1, 1.0), (2, -1.0), (2, 1.0)):
