@@ -216,7 +216,7 @@ SYSTEMS = (  # an `urge` of v'v, where R = 2, asks for the speed v of the settin
     ),
     System(  # a rover whose wheels have inertia
         name="jackal", dynamics=_dynamics("rover:Rover"), R=np.diag([2.0, 0.5]), urge=lambda s: s.speed**2, states=POSE,
-        defaults={"noise": 0.05, "speed": 1.5, "vertices": 400, "samples": 300, "period": 0.1, "brake": 3.0, "max_time": 60.0},
+        defaults={"noise": 0.05, "vertices": 400, "samples": 300, "period": 0.1, "brake": 3.0, "max_time": 60.0},
         paper_samples=300, heeds=("noise", "speed"), own=("noise", "vertices", "samples", "dt", "period"),
         robots=("jackal",), noise_in="m/sqrt(s), 2b rad/sqrt(s)",
     ),

@@ -97,7 +97,7 @@ def test_an_obstacle_is_what_would_collide_at_the_height_of_the_robot(write, geo
     assert len(load(write(mjcf(SITES + f"<geom {geom}/>")), robot="puck").scene.obstacles) == counts
 
 
-@pytest.mark.parametrize("robot", ON_GROUND)
+@pytest.mark.parametrize("robot", [one for one in ON_GROUND if one != "jackal"])  # which is higher
 def test_the_robot_touches_neither_floor_nor_slab_nor_beam(write, robot):
     world = FLOOR + '<geom type="box" size="9 9 0.5" pos="5 5 -0.5"/><geom type="box" size="9 9 0.5" pos="5 5 0.7"/>'
     radius = 0.1 if robot in ("puck", "hover", "rover") else 0.15
