@@ -237,7 +237,8 @@ def test_a_system_that_cannot_work_is_refused(field, value, what):
 
 
 def test_numbers_that_a_system_has_none_of_are_refused(folder):
-    for option, robot, who in (("speed", "hover", "puck, unicycle, rover, jackal or ball"), ("rho", "puck", "unicycle")):
+    speedy = "puck, unicycle, rover, jackal or ball"
+    for option, robot, who in (("speed", "hover", speedy), ("rho", "puck", "unicycle")):
         with pytest.raises(OptionError, match=f"--{option} is for {who}, not for {robot}"):
             prepare("slit", robot=robot, given={option: 2.0})
     with pytest.raises(OptionError, match=r'--noise is for .*; leave it out, or write `heeds=\("noise",\)`'):
