@@ -230,8 +230,9 @@ class HomologyTree:
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
+            OptionError: x is no state.
         """
-        x = self.steering.vertex_of(x)
+        x = self.steering.checked(x)
         query = references.ReferenceQuery(
             self, self.steering, shortened, before or {}, over_budget, threads, most, hopeless
         )
@@ -241,7 +242,7 @@ class HomologyTree:
         """Return references from x (n,) with paths of their classes by `Steering.alternatives` of the tree's."""
         if not self.steering.alternatives:
             return [*found]
-        x = self.steering.vertex_of(x)
+        x = self.steering.checked(x)
         others = list[Reference]()
         for steering in self.steering.alternatives:
             query = references.ReferenceQuery(self, steering, True, {}, lambda: False, threads, None, None)
@@ -265,7 +266,7 @@ class HomologyTree:
         """Return whether a state (n,) of the system that has no reference would have one at rest."""
         if self.steering.timed:  # vertices have no speed
             return False
-        x = self.steering.vertex_of(x)
+        x = self.steering.checked(x)
         rest = self.steering.at_rest(x)
         return not np.array_equal(rest, x) and bool(self.lengths(rest))
 
@@ -356,7 +357,7 @@ class HomologyTree:
         from pirrht.plotting.colors import ClassColors
         from pirrht.plotting.tuning import TUNING as PLOTTING
 
-        references = [] if x is None else self.references(np.asarray(x, dtype=float))
+        references = [] if x is None else self.references(x)
         axes = maps.of(self.space, 0.0, axes, "tree.plot")
         edges = [edge[:, :2] for edge in self.best_edges(PLOTTING.spacing)]
         maps.lines(axes, edges, maps.TREE, width=0.4, opacity=0.6, zorder=2)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, checked_state
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
@@ -140,6 +140,15 @@ class Steering(ABC):
     def vertex_of(self, x: Array) -> Array:
         """Take the part of a system's state (..., n) that a vertex of the tree has; here all of it."""
         return x
+
+    def checked(self, x: Any, time: float | None = None) -> Array:
+        """Take what a vertex has of a system's state (n,) `at` a time, or of one with it; OptionError: it is none."""
+        try:
+            state = np.asarray(x, dtype=float)
+            x = self.vertex_of(state if time is None else self.at(state, time))
+        except (TypeError, ValueError, IndexError):
+            pass  # it is refused by what it is
+        return checked_state(x, self.n, type(self).__name__)
 
     def at_rest(self, x: Array) -> Array:
         """Return a vertex' state (n,) without its speed; here unchanged, since a vertex has none."""
