@@ -64,14 +64,14 @@ def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references:
     scene, names = scenario.loaded.scene, scenario.names
     wide, deep, high = scene.upper - scene.lower
     figure = maps.pyplot("--png").Figure(figsize=(8.0, 5.4 * (deep + high) / wide + 1.2), layout="constrained")
-    views = figure.subplots(2, 1, sharex=True, height_ratios=[deep, high])
+    views = maps.views(figure, scene)
     colors = ClassColors(reference.id for reference in references)
     ways = ways_in(scenario.space, references, names)
     rows = [
         wrap(maps.literal(f"{title(r.id)}: {r.cost:.2f}, {way}"), WIDE) for r, way in zip(references, ways, strict=True)
     ]
     edges = tree.best_edges(PLOTTING.spacing)
-    for axes, seen, look in zip(views, ((0, 1), (0, 2)), ("from above", "from the south"), strict=True):
+    for (axes, seen), look in zip(views, ("from above", "from the south"), strict=True):
         pick = list(seen)
         maps.draw(axes, scene, seen=seen)
         maps.tags(axes, label_places(scenario.space)[:, pick], labels(names))
@@ -83,10 +83,10 @@ def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references:
         step = draw_moments(axes, scenario, references, colors, seen) if scene.movers else 0.0
         axes.set_title(look, fontsize=9)
     if references:
-        views[0].legend(**maps.LEGEND, title="class: cost, way")
+        views[0][0].legend(**maps.LEGEND, title="class: cost, way")
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     figure.suptitle(f"{maps.literal(scene.name)}: {tree.size} vertices, {len(references)} classes{when}", fontsize=10)
-    _save(views[0], path, "--png")
+    _save(views[0][0], path, "--png")
 
 
 def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference]) -> None:

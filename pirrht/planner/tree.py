@@ -351,22 +351,25 @@ class HomologyTree:
     def plot(self, x: Array | None = None, *, axes: Any = None) -> Any:
         """Draw the best edge of every vertex on a map of the scene, and the references of a state x (n,).
 
-        Returns matplotlib's axes, new ones unless they are given. OptionError: it is not installed; NoReference.
+        Returns matplotlib's axes, new ones unless they are given; in space those of the view from above, over one from
+        the south. OptionError: it is not installed; NoReference.
         """
         from pirrht.plotting import maps
         from pirrht.plotting.colors import ClassColors
         from pirrht.plotting.tuning import TUNING as PLOTTING
 
         references = [] if x is None else self.references(x)
-        axes = maps.of(self.space, 0.0, axes, "tree.plot")
-        edges = [edge[:, :2] for edge in self.best_edges(PLOTTING.spacing)]
-        maps.lines(axes, edges, maps.TREE, width=0.4, opacity=0.6, zorder=2)
-
+        views = maps.of(self.space, 0.0, axes, "tree.plot")
+        edges = self.best_edges(PLOTTING.spacing)
         colors = ClassColors(one.id for one in references)
         paths = [one.trajectory for one in references]
         labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
         hues = [colors[one.id] for one in references]
-        maps.classes(axes, self.space.scene.body, paths, labels, hues, title="class: cost")
+        for view, seen in views:
+            drawn = [edge[:, list(seen)] for edge in edges]
+            maps.lines(view, drawn, maps.TREE, width=0.4, opacity=0.6, zorder=2)
+            maps.classes(view, self.space.scene.body, paths, labels, hues, seen, title="class: cost")
+        axes = views[0][0]
         axes.set_title(f"{maps.literal(self.space.scene.name)}: {self.size} vertices", fontsize=10)
         return axes
 
