@@ -88,9 +88,9 @@ def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references:
         _name_movers(axes, scene, seen)
         step = draw_moments(axes, scenario, references, colors, seen) if scene.movers else 0.0
         axes.set_title(look, fontsize=9)
+    if named < len(rows):
+        axes.plot([], [], " ", label=f"and {len(rows) - named} more")
     if references:
-        if named < len(rows):
-            axes.plot([], [], " ", label=f"and {len(rows) - named} more")
         look = maps.LEGEND | {"loc": "outside right upper", "bbox_to_anchor": None}
         figure.legend(*axes.get_legend_handles_labels(), **look, title="class: cost, way")
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""

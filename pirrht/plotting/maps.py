@@ -23,7 +23,6 @@ GOAL_EDGE = "#3c8f52"
 INK = "#222222"
 
 View = tuple[Any, tuple[int, int]]  # matplotlib's axes, and which two of x, y and z they show
-ABOVE = (0, 1)
 
 MOVER, TREE, SAMPLE = "#80609e", "#55aacc", "#70747a"
 LEGEND = {"fontsize": 8, "title_fontsize": 8, "frameon": False, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
@@ -52,7 +51,7 @@ def of(space: FreeSpace, time: float, axes: Any, what: str) -> list[View]:
     if axes is None and space.scene.dimension == 3:
         found = views(pyplot(what).figure(figsize=(7.0, 7.0), layout="constrained"), space.scene)
     else:
-        found = [(axes or pyplot(what).subplots(figsize=(7.0, 5.0), layout="constrained")[1], ABOVE)]
+        found = [(axes or pyplot(what).subplots(figsize=(7.0, 5.0), layout="constrained")[1], (0, 1))]
     for one, seen in found:
         draw(one, space.scene, time, seen)
         numbers(one, space, time, seen)
@@ -63,10 +62,10 @@ def views(figure: Any, scene: Scene) -> list[View]:
     """Add axes to a figure that show a scene in space from above and from the south, to one scale."""
     _, deep, high = scene.upper - scene.lower
     both = figure.subplots(2, 1, sharex=True, height_ratios=[deep, high])
-    return list(zip(both, (ABOVE, (0, 2)), strict=True))
+    return list(zip(both, ((0, 1), (0, 2)), strict=True))
 
 
-def draw(axes: Any, scene: Scene, time: float = 0.0, seen: tuple[int, int] = ABOVE) -> None:
+def draw(axes: Any, scene: Scene, time: float = 0.0, seen: tuple[int, int] = (0, 1)) -> None:
     """Draw a scene to scale, with moving obstacles at a time [s]; one in space as two of its axes show it."""
     from matplotlib.patches import Circle, Polygon, Rectangle
 
@@ -102,7 +101,7 @@ def lines(axes: Any, drawn: Sequence[Array], color: Any, *, width: float, opacit
 
 def classes(
     axes: Any, body: Footprint, paths: Sequence[Any], labels: Sequence[str], colors: Sequence[Color],
-    seen: tuple[int, int] = ABOVE, **legend: Any,
+    seen: tuple[int, int] = (0, 1), **legend: Any,
 ) -> None:  # fmt: skip
     """Draw one `Trajectory` per class, side by side where they coincide, and a robot with corners along them.
 
@@ -120,11 +119,11 @@ def classes(
         axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=TUNING.line, zorder=4.0 - 1e-3 * place)
     for path, color in zip(paths, colors, strict=True):
         robots(axes, body, path.poses(TUNING.outlines + 1)[1:], rgb(color))
-    if labels and seen == ABOVE:
+    if labels and seen == (0, 1):
         axes.legend(**LEGEND, **legend)
 
 
-def numbers(axes: Any, space: FreeSpace, time: float, seen: tuple[int, int] = ABOVE) -> None:
+def numbers(axes: Any, space: FreeSpace, time: float, seen: tuple[int, int] = (0, 1)) -> None:
     """Write the numbers by which classes name obstacles, moving ones where they are at a time [s]."""
     pick = list(seen)
     places = [*space.homology.markers[:, pick]]
@@ -142,7 +141,7 @@ def tags(axes: Any, places: Iterable[Array], texts: Sequence[str]) -> None:
         axes.text(x, y, literal(text), path_effects=[withStroke(linewidth=1.8, foreground=WALL)], **style)
 
 
-def solids(axes: Any, drawn: Sequence[Obstacle], seen: tuple[int, int] = ABOVE, **style: Any) -> None:
+def solids(axes: Any, drawn: Sequence[Obstacle], seen: tuple[int, int] = (0, 1), **style: Any) -> None:
     """Draw solids seen from above, or as two axes show them, with the style of a patch."""
     from matplotlib.patches import Polygon
 
@@ -151,7 +150,7 @@ def solids(axes: Any, drawn: Sequence[Obstacle], seen: tuple[int, int] = ABOVE, 
 
 
 def bodies(
-    axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0, seen: tuple[int, int] = ABOVE
+    axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0, seen: tuple[int, int] = (0, 1)
 ) -> None:  # fmt: skip
     """Draw moving obstacles at a time [s]."""
     for mover in movers:
@@ -159,7 +158,7 @@ def bodies(
 
 
 def predicted(
-    axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9, seen: tuple[int, int] = ABOVE
+    axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9, seen: tuple[int, int] = (0, 1)
 ) -> None:  # fmt: skip
     """Outline moving obstacles soon after a time [s], the paler the later."""
     for mover in movers:
@@ -169,7 +168,7 @@ def predicted(
 
 
 def outlined(
-    axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *, zorder: float, seen: tuple[int, int] = ABOVE
+    axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *, zorder: float, seen: tuple[int, int] = (0, 1)
 ) -> None:  # fmt: skip
     """Outline a moving obstacle at times [s], each with its opacity."""
     for time, alpha in moments:
