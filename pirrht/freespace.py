@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht import formatting
-from pirrht.arrays import Array, checked_state
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.ball import Ball
 from pirrht.geometry.blocks import build_field
+from pirrht.geometry.checks import checked_state
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.disc import Disc
 from pirrht.geometry.fitting import fitted, margin_left

@@ -88,15 +88,21 @@ def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references:
         _name_movers(axes, scene, seen)
         step = draw_moments(axes, scenario, references, colors, seen) if scene.movers else 0.0
         axes.set_title(look, fontsize=9)
-    if named < len(rows):
-        axes.plot([], [], " ", label=f"and {len(rows) - named} more")
-    if references:
-        look = maps.LEGEND | {"loc": "outside right upper", "bbox_to_anchor": None}
-        figure.legend(*axes.get_legend_handles_labels(), **look, title="class: cost, way")
+    _legend(axes, len(rows) - named)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     counts = f"{tree.size} vertices, {len(references)} classes{when}"
     views[0][0].set_title(f"{maps.literal(scene.name)}: {counts}\nfrom above", fontsize=9)
     _save(views[0][0], path, "--png")
+
+
+def _legend(axes: Any, more: int) -> None:
+    """Add the legend of the lines on axes to their figure, with a line that counts those that it leaves out."""
+    if more:
+        axes.plot([], [], " ", label=f"and {more} more")
+    handles, names = axes.get_legend_handles_labels()
+    if handles:
+        style = maps.LEGEND | {"loc": "outside right upper", "bbox_to_anchor": None}
+        axes.figure.legend(handles, names, **style, title="class: cost, way")
 
 
 def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference]) -> None:

@@ -9,8 +9,9 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array, checked_state
+from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.checks import checked_state
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import StateKernels, at_states

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array, checked_state
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.geometry.checks import checked_state
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, jitable
 
