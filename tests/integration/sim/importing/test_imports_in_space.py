@@ -178,7 +178,7 @@ REFUSED = [
     (
         "a.obj",
         {},
-        "start or goal lies outside the box around the mesh: add --workspace X0 X1 Y0 Y1 Z0 Z1, for example -1 ",
+        "the box around the mesh leaves out start or goal, or is wider than 50 m: add --workspace X0 X1 Y0 Y1 Z0 Z1",
     ),
     ("a.bt", {"cell": 0.25}, "a tree states the side of its voxels; leave out --cell"),
 ]
