@@ -13,6 +13,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.ball import Ball
 from pirrht.geometry.blocks import build_field
+from pirrht.geometry.checks import checked_state
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.disc import Disc
 from pirrht.geometry.fitting import fitted, margin_left
@@ -140,6 +141,10 @@ class FreeSpace:
             return FreeSpace.of(scene, self.grain)
         return replace(self, scene=scene, homology=self.homology.with_goal(scene.goal.center.astype(float)))
 
+    def refuse_start(self, x: Array) -> None:
+        """Refuse a state x (n,) where no run can begin: outside the workspace, or in collision (SceneError)."""
+        fitted(replace(self.scene, start=np.append(x[: self.scene.dimension], 0.0)[:3]), self.collision)
+
     def with_movers(self, movers: Sequence[Mover], moving: Moving | None = None) -> FreeSpace:
         """Return the static world and task among other moving obstacles, whose arrays may be given."""
         scene = replace(self.scene, movers=tuple(movers))
@@ -193,7 +198,8 @@ class FreeSpace:
     def clearance(self, x: Array) -> float:
         """Return the exact clearance at a state or pose x: x, y [m] and, for a polygon, the heading [rad]; in [m]."""
         count = self.static.kernels.position + self.static.kernels.turns
-        return float(self.collision.clearance(np.asarray(x, dtype=float)[None, :count])[0])
+        pose = checked_state(x[:count], count, f"a robot in {formatting.name(self.scene.name)}")
+        return float(self.collision.clearance(pose[None])[0])
 
 
 def collision_of(scene: Scene) -> Collision:

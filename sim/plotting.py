@@ -60,33 +60,49 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
 
 
 def draw_views(path: Path, scenario: "Scenario", tree: HomologyTree, references: Sequence[Reference]) -> None:
-    """Write two views of a plan in space, from above and from the south: obstacles, tree, references by class."""
+    """Write two views of a plan in space, from above and from the south: obstacles, tree, references by class.
+
+    The legend names the cheapest classes, as many as there is room for.
+    """
     scene, names = scenario.loaded.scene, scenario.names
     wide, deep, high = scene.upper - scene.lower
-    figure = maps.pyplot("--png").Figure(figsize=(8.0, 5.4 * (deep + high) / wide + 1.2), layout="constrained")
-    views = figure.subplots(2, 1, sharex=True, height_ratios=[deep, high])
+    tall = max(5.5, 5.4 * (deep + high) / wide + 1.2)
+    figure = maps.pyplot("--png").Figure(figsize=(8.0, tall), layout="constrained")
+    views = maps.views(figure, scene)
     colors = ClassColors(reference.id for reference in references)
     ways = ways_in(scenario.space, references, names)
     rows = [
         wrap(maps.literal(f"{title(r.id)}: {r.cost:.2f}, {way}"), WIDE) for r, way in zip(references, ways, strict=True)
     ]
+    named = int(np.sum(np.cumsum([len(row) for row in rows]) <= HIGH))
     edges = tree.best_edges(PLOTTING.spacing)
-    for axes, seen, look in zip(views, ((0, 1), (0, 2)), ("from above", "from the south"), strict=True):
+    for (axes, seen), look in zip(views, ("from above", "from the south"), strict=True):
         pick = list(seen)
         maps.draw(axes, scene, seen=seen)
         maps.tags(axes, label_places(scenario.space)[:, pick], labels(names))
         maps.lines(axes, [line[:, pick] for line in edges], "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
-        for reference, row in zip(references, rows, strict=True):
+        for k, (reference, row) in enumerate(zip(references, rows, strict=True)):
             line = reference.trajectory.points[:, pick]
-            axes.plot(*line.T, color=rgb(colors[reference.id]), lw=PLOTTING.line, zorder=4, label="\n  ".join(row))
+            label = "\n  ".join(row) if k < named else None
+            axes.plot(*line.T, color=rgb(colors[reference.id]), lw=PLOTTING.line, zorder=4, label=label)
         _name_movers(axes, scene, seen)
         step = draw_moments(axes, scenario, references, colors, seen) if scene.movers else 0.0
         axes.set_title(look, fontsize=9)
-    if references:
-        views[0].legend(**maps.LEGEND, title="class: cost, way")
+    _legend(axes, len(rows) - named)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
-    figure.suptitle(f"{maps.literal(scene.name)}: {tree.size} vertices, {len(references)} classes{when}", fontsize=10)
-    _save(views[0], path, "--png")
+    counts = f"{tree.size} vertices, {len(references)} classes{when}"
+    views[0][0].set_title(f"{maps.literal(scene.name)}: {counts}\nfrom above", fontsize=9)
+    _save(views[0][0], path, "--png")
+
+
+def _legend(axes: Any, more: int) -> None:
+    """Add the legend of the lines on axes to their figure, with a line that counts those that it leaves out."""
+    if more:
+        axes.plot([], [], " ", label=f"and {more} more")
+    handles, names = axes.get_legend_handles_labels()
+    if handles:
+        style = maps.LEGEND | {"loc": "outside right upper", "bbox_to_anchor": None}
+        axes.figure.legend(handles, names, **style, title="class: cost, way")
 
 
 def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference]) -> None:

@@ -108,7 +108,8 @@ class Controller(Policy):
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,): lines 3 and 4 of Algorithm 4; the caller applies the control (line 5).
 
-        OptionError: x is no state. NoReference: no class reaches the goal, and there is no earlier plan to go on with.
+        OptionError: x is no state. NoReference: no class reaches the goal, and there is no earlier plan to go on with;
+        SceneError if that is since x lies in an obstacle.
         """
         run, settings, x = self.run, self.settings, self._state(x)
         self._update_prediction(x, TimeBudget(left, settings.tuning))
@@ -122,6 +123,7 @@ class Controller(Policy):
             if run.planned or self.space.scene.movers:
                 return blocked_plan(self.brake, x, run, self.space, "no reference")
             run.queried = None
+            self.space.refuse_start(x)
             raise
         # line 4: u <- PathIntegral(x_cur, U_in)
         draft = self.proposals.draft(x, references, run, budget)

@@ -115,7 +115,8 @@ class Plan:
 
         Args:
             samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
-            axes: of matplotlib, which are returned; None: those of a new figure. OptionError: it is not installed.
+            axes: of matplotlib, which are returned; None: those of a new figure, which in space has a view from the
+                south as well. OptionError: it is not installed.
         """
         from pirrht.plotting import maps
         from pirrht.plotting.colors import ClassColors
@@ -123,31 +124,35 @@ class Plan:
 
         if self.space is None or self.dynamics is None:
             raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
-        axes = maps.of(self.space, self.time, axes, "plan.plot")
-        maps.predicted(axes, self.movers, self.time)
-        for drawn, share in self._heaviest(samples):
-            maps.lines(
-                axes, drawn, maps.SAMPLE, width=0.7, zorder=2,
-                opacity=PLOTTING.faint + (PLOTTING.strong - PLOTTING.faint) * share,
-            )  # fmt: skip
-
+        views = maps.of(self.space, self.time, axes, "plan.plot")
+        drawn = [*self._heaviest(samples)]
         by = self.weights()
         colors = ClassColors(self.ids)
         shown = dict(zip(self.ids, self.references, strict=False))
         body = self.space.scene.body
         paths = [one.trajectory for one in shown.values()]
         labels = [f"{formatting.turns(id)}: {formatting.share(by[id]) if id in by else '-'}" for id in shown]
-        maps.classes(axes, body, paths, labels, [colors[id] for id in shown], title="class: weight")
+        hues = [colors[id] for id in shown]
         d, moved = self.dynamics, self.state
         for _ in range(PLOTTING.arrow_steps):
             moved = d.step(moved, self.control, np.zeros(d.m), PLOTTING.arrow / PLOTTING.arrow_steps)
-        maps.robots(axes, body, self.state[None, list(d.reads(True))], maps.INK)
-        maps.position(axes, d.place(self.state)[:2], d.place(moved)[:2])
+        here, there = d.place(self.state), d.place(moved)
+        for view, seen in views:
+            pick = list(seen)
+            maps.predicted(view, self.movers, self.time, seen=seen)
+            for some, share in drawn:
+                faded = PLOTTING.faint + (PLOTTING.strong - PLOTTING.faint) * share
+                lines = [d.place(path)[:, pick] for path in some]
+                maps.lines(view, lines, maps.SAMPLE, width=0.7, zorder=2, opacity=faded)
+            maps.classes(view, body, paths, labels, hues, seen, title="class: weight")
+            maps.robots(view, body, self.state[None, list(d.reads(True))], maps.INK)
+            maps.position(view, here[pick], there[pick])
+        axes = views[0][0]
         axes.set_title(f"{maps.literal(self.space.scene.name)} at {self.time:.2f} s", fontsize=10)
         return axes
 
     def _heaviest(self, count: int) -> Iterator[tuple[list[Array], Array]]:
-        """Yield paths (k, 2) [m] of so many samples that died, then of the heaviest, each with shares of the most."""
+        """Yield states (k, n) of so many samples that died, then of the heaviest, each with shares of the most."""
         if self.estimate is None or self.replay is None or count < 1:
             return
         rollouts, weight = self.estimate.rollouts, self.estimate.weight
@@ -158,7 +163,7 @@ class Plan:
         for chosen, strength in ((died, np.zeros(len(died))), (best, share)):
             if len(chosen):
                 states, steps = self.replay.trace(rollouts, chosen)
-                yield [path[: int(end) + 1, :2] for path, end in zip(states, steps, strict=True)], strength
+                yield [path[: int(end) + 1] for path, end in zip(states, steps, strict=True)], strength
 
     @cached_property
     def tape(self) -> Array:

@@ -1,6 +1,5 @@
 """Interface of all policies."""
 
-import reprlib
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -60,7 +59,7 @@ class Policy(ABC):
             ...     robot.drive(u, 0.02)
         """
         refuse_unless_positive(dt, "dt", "a control is held for a positive number of seconds")
-        x = self._checked(x)
+        x = self.problem.dynamics.checked(x)
         if self.run.held is not None:
             self.observe(x[None], self.run.held)
         plan = self.plan(x)
@@ -74,19 +73,21 @@ class Policy(ABC):
         """
         if not (isinstance(time, Real) and np.isfinite(time)):
             raise OptionError(f"the time is {time!r}; a run begins at a number of seconds, such as 0")
-        self.run = RunState.begin(self.homology, self._checked(x), float(time), self.space.scene.movers)
+        self.run = RunState.begin(self.homology, self.problem.dynamics.checked(x), float(time), self.space.scene.movers)
         if self.predict is not None:
             self.predict.begin()
 
     def observe(self, states: Array, duration: float, until: float | None = None) -> None:
         """Record the states (k, n) just driven through and the time it took [s], `until` a time [s]; None: now."""
         run = self.run
+        states = np.atleast_2d(self.problem.dynamics.checked(states, many=True))
         run.passed(duration)
         run.clock.observed(until)
         run.route.path.observe(states, run.clock.known - run.route.since)
 
     def expect(self, states: Array, duration: float) -> None:
         """Plan for the end of states (k, n) driven through next, in `duration` [s]; observations replace them."""
+        states = np.atleast_2d(self.problem.dynamics.checked(states, many=True))
         self.run.passed(duration)
         self.run.route.path.expect(states, self.run.now)
 
@@ -98,26 +99,12 @@ class Policy(ABC):
         """Return the name of the class of the driven path, as tables print it: "1,0" for `driven_class` (1, 0)."""
         return class_id(self.driven_class(), self.homology.named)
 
-    def _checked(self, x: Array) -> Array:
-        """Return a state (n,) as numbers; OptionError if it is none."""
-        d = self.problem.dynamics
-        try:
-            state = np.asarray(x, dtype=float)
-        except (TypeError, ValueError):
-            raise OptionError(f"the state is {reprlib.repr(x)}; it must be {d.n} numbers") from None
-        if state.shape != (d.n,):
-            moves = f"{type(d).__name__} ({', '.join(d.states)})"
-            raise OptionError(f"the state has the shape {state.shape}; {moves} has {d.n} numbers")
-        if not np.all(np.isfinite(state)):
-            raise OptionError(f"the state is {state.tolist()}; all of it must be finite numbers")
-        return state
-
     def _state(self, x: Array) -> Array:
         """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed.
 
         OptionError: it is no state, lies in the goal or outside the workspace.
         """
-        x = self._checked(x)
+        x = self.problem.dynamics.checked(x)
         last = self.run.queried
         place = self.problem.dynamics.place(x)
         for lost, where in (

@@ -146,11 +146,11 @@ class PathIntegral:
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
         setup = self.setup
-        tables = self.proposals.tables(batch)
-        x = batch.state
+        x = self.problem.dynamics.checked(batch.state)
+        tables = self.proposals.tables(replace(batch, state=x))
         m = self.problem.dynamics.m
 
-        origin = Origin(np.ascontiguousarray(x, dtype=float), np.uint64(seed), float(batch.time))
+        origin = Origin(np.ascontiguousarray(x), np.uint64(seed), float(batch.time))
         paths = self.backend.sample(setup, tables, origin)
         rise = np.zeros((len(batch.proposals), m))
         laws = None

@@ -140,7 +140,7 @@ class Desirability:
 
     def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:
         """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,), if obstacles move."""
-        states = np.atleast_2d(np.asarray(x, dtype=float))
+        states = np.atleast_2d(self.problem.dynamics.checked(x, many=True))
         value, _ = self._at(states, t)
         if not self.moves:
             d = self.problem.dynamics
@@ -156,7 +156,10 @@ class Desirability:
 
     def control(self, x: Array, t: Array | float = 0.0) -> Array:
         """u* = lambda R^-1 G' grad log psi at one state (n,) or many (k, n), (m,) or (k, m), at a time t [s]."""
-        controls: Array = self._at(np.atleast_2d(x), t)[1][:, -len(self.gain) :] @ self.gain.T
+        controls: Array = (
+            self._at(np.atleast_2d(self.problem.dynamics.checked(x, many=True)), t)[1][:, -len(self.gain) :]
+            @ self.gain.T
+        )
         return controls if np.ndim(x) == 2 else controls[0]
 
     def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
@@ -177,6 +180,7 @@ class Desirability:
         Names are those of the straight line from x. Standard errors are sqrt(share (1 - share) / samples). Among moving
         obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
+        x = self.problem.dynamics.checked(x)
         homology, turns, ends, outcome = self._walk(
             x, samples, seed, t, self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
         )
@@ -209,7 +213,7 @@ class Desirability:
         """Draw paths by steps [s], with a margin [m] of held controls: turns, ends, outcomes."""
         d = self.problem.dynamics
         homology = homology_of(self.problem, self.space)
-        x0 = np.append(x, t).astype(float)
+        x0 = np.append(d.checked(x), t).astype(float)
 
         process = Process(
             static=self.space.static, goal=self.space.world.goal, radius=self.space.world.radius,

@@ -1,4 +1,4 @@
-"""Check numbers that people give to scenes: finite, of their shape, and none larger than any scene's."""
+"""Check numbers that people give to scenes and as states: finite, of their shape, none larger than any scene's."""
 
 from collections.abc import Collection
 from typing import Any, TypeVar
@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import SceneError
+from pirrht.errors import OptionError, SceneError
 from pirrht.formatting import short
 from pirrht.geometry.tuning import TUNING
 
@@ -51,6 +51,17 @@ def number(value: Any, what: str, must: str, least: float = TUNING.smallest) -> 
     if array.ndim != 0 or not least <= array <= FARTHEST:
         raise SceneError(f"{what} is {short(value)}; it must be {must}, from {least:g} to {FARTHEST:g}")
     return float(array)
+
+
+def checked_state(value: Any, n: int, owner: str, *, many: bool = False) -> Array:
+    """Return a state (n,), or perhaps `many` (k, n), as numbers; OptionError: its owner takes others, or it is none."""
+    try:
+        state = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        state = np.array(np.nan)
+    if state.ndim not in (1, 1 + many) or state.shape[-1] != n or not np.isfinite(state).all():
+        raise OptionError(f"the state is {short(value)}; {owner} takes {n} finite numbers")
+    return state
 
 
 def _floats(value: Any) -> Array:

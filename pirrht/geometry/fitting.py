@@ -30,7 +30,9 @@ def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> 
     waivers = [*scene.narrow] if start_counts else [*scene.waivers]
     if start_counts and float(collision.distance(start[None])[0]) < scene.robot_radius + SHORTEST:
         if (distance := float(collision.true_distance(start[None])[0])) < body - ROUNDING:
-            raise SceneError(_in_collision(scene, "start", start, f" (it lacks {body - distance:.3g} m)"))
+            away = [float(collision.obstacle_distance(i, start[None])[0]) for i in range(len(scene.obstacles))]
+            lacks = f'{body - distance:.3g} m to "{scene.obstacles[int(np.argmin(away))].name}"'
+            raise SceneError(_in_collision(scene, "start", start, f" (it lacks {lacks})"))
         waivers.append(_waiver(scene, collision, start, "start"))
     if float(collision.clearance(goal.center[None])[0]) <= 0.0:
         wide, part = (_free_part(scene, collision, radius) for radius in (scene.robot_radius, body))

@@ -44,7 +44,12 @@ def grown_tree(
         >>> tree = grown_tree(FreeSpace.of(scene), StraightLine.of(problem), scene.start[:2], vertices=100)
         >>> tree.limit, len(tree.references(scene.start[:2]))
         (0.6, 2)
+
+    Raises:
+        OptionError, SceneError: x is no state, or lies outside the workspace or in an obstacle.
     """
+    space.refuse_start(steering.checked(x, 0.0))
+    x = np.asarray(x, dtype=float)
 
     def grown(limit: float, vertices: int = vertices) -> HomologyTree:
         tree = HomologyTree(space, steering, limit=limit, classes=classes, rng=np.random.default_rng(seed))

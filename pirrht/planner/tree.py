@@ -236,8 +236,9 @@ class HomologyTree:
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
+            OptionError: x is no state.
         """
-        x = self.steering.vertex_of(x)
+        x = self.steering.checked(x)
         query = references.ReferenceQuery(
             self, self.steering, shortened, before or {}, over_budget, threads, most, hopeless
         )
@@ -247,7 +248,7 @@ class HomologyTree:
         """Return references from x (n,) with paths of their classes by `Steering.alternatives` of the tree's."""
         if not self.steering.alternatives:
             return [*found]
-        x = self.steering.vertex_of(x)
+        x = self.steering.checked(x)
         others = list[Reference]()
         for steering in self.steering.alternatives:
             query = references.ReferenceQuery(self, steering, True, {}, lambda: False, threads, None, None)
@@ -271,7 +272,7 @@ class HomologyTree:
         """Return whether a state (n,) of the system that has no reference would have one at rest."""
         if self.steering.timed:  # vertices have no speed
             return False
-        x = self.steering.vertex_of(x)
+        x = self.steering.checked(x)
         rest = self.steering.at_rest(x)
         return not np.array_equal(rest, x) and bool(self.lengths(rest))
 
@@ -356,22 +357,25 @@ class HomologyTree:
     def plot(self, x: Array | None = None, *, axes: Any = None) -> Any:
         """Draw the best edge of every vertex on a map of the scene, and the references of a state x (n,).
 
-        Returns matplotlib's axes, new ones unless they are given. OptionError: it is not installed; NoReference.
+        Returns matplotlib's axes, new ones unless they are given; in space those of the view from above, over one from
+        the south. OptionError: it is not installed; NoReference.
         """
         from pirrht.plotting import maps
         from pirrht.plotting.colors import ClassColors
         from pirrht.plotting.tuning import TUNING as PLOTTING
 
-        references = [] if x is None else self.references(np.asarray(x, dtype=float))
-        axes = maps.of(self.space, 0.0, axes, "tree.plot")
-        edges = [edge[:, :2] for edge in self.best_edges(PLOTTING.spacing)]
-        maps.lines(axes, edges, maps.TREE, width=0.4, opacity=0.6, zorder=2)
-
+        references = [] if x is None else self.references(x)
+        views = maps.of(self.space, 0.0, axes, "tree.plot")
+        edges = self.best_edges(PLOTTING.spacing)
         colors = ClassColors(one.id for one in references)
         paths = [one.trajectory for one in references]
         labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
         hues = [colors[one.id] for one in references]
-        maps.classes(axes, self.space.scene.body, paths, labels, hues, title="class: cost")
+        for view, seen in views:
+            drawn = [edge[:, list(seen)] for edge in edges]
+            maps.lines(view, drawn, maps.TREE, width=0.4, opacity=0.6, zorder=2)
+            maps.classes(view, self.space.scene.body, paths, labels, hues, seen, title="class: cost")
+        axes = views[0][0]
         axes.set_title(f"{maps.literal(self.space.scene.name)}: {self.size} vertices", fontsize=10)
         return axes
 

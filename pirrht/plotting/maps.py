@@ -22,6 +22,8 @@ GOAL = "#8fd19e"
 GOAL_EDGE = "#3c8f52"
 INK = "#222222"
 
+View = tuple[Any, tuple[int, int]]  # matplotlib's axes, and which two of x, y and z they show
+
 MOVER, TREE, SAMPLE = "#80609e", "#55aacc", "#70747a"
 LEGEND = {"fontsize": 8, "title_fontsize": 8, "frameon": False, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
 
@@ -41,12 +43,26 @@ def literal(text: str) -> str:
     return printable(f" {text}" if text.startswith("_") else text).replace("$", r"\$")
 
 
-def of(space: FreeSpace, time: float, axes: Any, what: str) -> Any:
-    """Draw an examined scene at a time [s] and number its obstacles, on new axes if none are given; return the axes."""
-    axes = axes or pyplot(what).subplots(figsize=(7.0, 5.0), layout="constrained")[1]
-    draw(axes, space.scene, time)
-    numbers(axes, space, time)
-    return axes
+def of(space: FreeSpace, time: float, axes: Any, what: str) -> list[View]:
+    """Draw an examined scene at a time [s] and number its obstacles, on new axes if none are given; return the views.
+
+    New axes of a scene in space are two, the first seen from above.
+    """
+    if axes is None and space.scene.dimension == 3:
+        found = views(pyplot(what).figure(figsize=(7.0, 7.0), layout="constrained"), space.scene)
+    else:
+        found = [(axes or pyplot(what).subplots(figsize=(7.0, 5.0), layout="constrained")[1], (0, 1))]
+    for one, seen in found:
+        draw(one, space.scene, time, seen)
+        numbers(one, space, time, seen)
+    return found
+
+
+def views(figure: Any, scene: Scene) -> list[View]:
+    """Add axes to a figure that show a scene in space from above and from the south, to one scale."""
+    _, deep, high = scene.upper - scene.lower
+    both = figure.subplots(2, 1, sharex=True, height_ratios=[deep, high])
+    return list(zip(both, ((0, 1), (0, 2)), strict=True))
 
 
 def draw(axes: Any, scene: Scene, time: float = 0.0, seen: tuple[int, int] = (0, 1)) -> None:
@@ -84,25 +100,35 @@ def lines(axes: Any, drawn: Sequence[Array], color: Any, *, width: float, opacit
 
 
 def classes(
-    axes: Any, body: Footprint, paths: Sequence[Any], labels: Sequence[str], colors: Sequence[Color], **legend: Any
+    axes: Any, body: Footprint, paths: Sequence[Any], labels: Sequence[str], colors: Sequence[Color],
+    seen: tuple[int, int] = (0, 1), **legend: Any,
 ) -> None:  # fmt: skip
-    """Draw one `Trajectory` per class, side by side where they coincide, and a robot with corners along them."""
+    """Draw one `Trajectory` per class, side by side where they coincide, and a robot with corners along them.
+
+    The legend is on the view from above.
+    """
     per_point = float(np.ptp(axes.get_xlim())) / (72.0 * axes.get_window_extent().width / axes.figure.dpi)
     for place, (line, label, color) in enumerate(
-        zip(side_by_side([path.points[:, :2] for path in paths], TUNING.line * per_point), labels, colors, strict=True)
+        zip(
+            side_by_side([path.points[:, list(seen)] for path in paths], TUNING.line * per_point),
+            labels,
+            colors,
+            strict=True,
+        )
     ):
         axes.plot(line[:, 0], line[:, 1], label=label, color=rgb(color), lw=TUNING.line, zorder=4.0 - 1e-3 * place)
     for path, color in zip(paths, colors, strict=True):
         robots(axes, body, path.poses(TUNING.outlines + 1)[1:], rgb(color))
-    if labels:
+    if labels and seen == (0, 1):
         axes.legend(**LEGEND, **legend)
 
 
-def numbers(axes: Any, space: FreeSpace, time: float) -> None:
+def numbers(axes: Any, space: FreeSpace, time: float, seen: tuple[int, int] = (0, 1)) -> None:
     """Write the numbers by which classes name obstacles, moving ones where they are at a time [s]."""
-    places = [*space.homology.markers]
+    pick = list(seen)
+    places = [*space.homology.markers[:, pick]]
     if len(space.scene.movers) == space.homology.J:  # else one has parts with a number each
-        places += [mover.motion.pose(time)[:2] for mover in space.scene.movers]
+        places += [mover.motion.pose(time)[pick] for mover in space.scene.movers]
     tags(axes, places, [str(number) for number in range(1, len(places) + 1)])
 
 
@@ -131,10 +157,14 @@ def bodies(
         solids(axes, mover.at(time), seen, fc=MOVER, ec="none", alpha=0.7, zorder=zorder)
 
 
-def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
+def predicted(
+    axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9, seen: tuple[int, int] = (0, 1)
+) -> None:  # fmt: skip
     """Outline moving obstacles soon after a time [s], the paler the later."""
     for mover in movers:
-        outlined(axes, mover, [(time + after, strength) for after, strength in fading(mover, time)], zorder=zorder)
+        outlined(
+            axes, mover, [(time + after, strength) for after, strength in fading(mover, time)], zorder=zorder, seen=seen
+        )
 
 
 def outlined(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.checks import checked_state
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.space import StateKernels, at_states
@@ -140,6 +141,15 @@ class Steering(ABC):
     def vertex_of(self, x: Array) -> Array:
         """Take the part of a system's state (..., n) that a vertex of the tree has; here all of it."""
         return x
+
+    def checked(self, x: Any, time: float | None = None) -> Array:
+        """Take what a vertex has of a system's state (n,) `at` a time, or of one with it; OptionError: it is none."""
+        try:
+            state = np.asarray(x, dtype=float)
+            x = self.vertex_of(state if time is None else self.at(state, time))
+        except (TypeError, ValueError, IndexError):
+            pass  # it is refused by what it is
+        return checked_state(x, self.n, type(self).__name__)
 
     def at_rest(self, x: Array) -> Array:
         """Return a vertex' state (n,) without its speed; here unchanged, since a vertex has none."""

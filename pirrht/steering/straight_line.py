@@ -86,7 +86,8 @@ class StraightLine(Lines):
         """Take a point's line for q constant and R a multiple of I (q = 1, R = 2I: speed 1); else OptionError."""
         d = problem.dynamics
         if not Traits.of(problem).point:
-            instead = "TrackedInSpace" if len(d.position) == 3 else "TurnAndGo" if d.angles else "Tracked"
+            turns = not problem.scene.footprint.is_disc
+            instead = "TrackedInSpace" if len(d.position) == 3 else "TurnAndGo" if turns else "Tracked"
             raise OptionError(
                 f"straight lines steer a point whose states are its position, all actuated, not {type(d).__name__} "
                 f"with n = {d.n} and m = {d.m}; take {instead}.of(problem), or bring a Steering"

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, backwards, turns_of, wrapped
 from pirrht.geometry.passages import Passages
@@ -177,7 +178,12 @@ class TurnAndGo(Tracked):
 
     @classmethod
     def of(cls, problem: Problem, pace: float | None = None) -> TurnAndGo:
-        """Take lines for any problem with a heading at a pace [m/s], as `Tracked.of`; a turn costs its widest arc."""
+        """Take lines for any problem with a heading at a pace [m/s], as `Tracked.of`; a turn costs its widest arc.
+
+        OptionError: the footprint is a disc, which turns anywhere; or as of `Tracked.of`.
+        """
+        if problem.scene.footprint.is_disc:
+            raise OptionError("a disc needs no room to turn; take Tracked.of(problem), or give the scene a footprint")
         lines, d = Tracked.of(problem, pace), problem.dynamics
         kept = {field.name: getattr(lines, field.name) for field in fields(Tracked)}
         return cls(

@@ -9,12 +9,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.geometry.checks import checked_state
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, jitable
 
@@ -158,6 +159,10 @@ class Dynamics:
         for i in self.angles:
             off[..., i] = (off[..., i] + np.pi) % (2.0 * np.pi) - np.pi
         return off
+
+    def checked(self, x: Any, *, many: bool = False) -> Array:
+        """Return a state (n,), or perhaps `many` (k, n), as numbers; OptionError: it is none of this system."""
+        return checked_state(x, self.n, f"{type(self).__name__} ({', '.join(self.states)})", many=many)
 
     def state_of(self, pose: Array) -> Array:
         """Return the state (n,) at x, y [m] and heading [rad] (3,); its other components are zero."""

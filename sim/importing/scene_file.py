@@ -255,10 +255,13 @@ def _workspace(source: Path, world: World, given: Sequence[float] | None, points
     border = f"--workspace {' '.join(ADAPTERS[d - 2].workspace_form)}"
     known = np.empty(0) if world.ground is None else world.ground[: 2 * d]
     meant = len(known) == 2 * d and (world.kind == "map" or d == 3 or max(np.diff(known)[::2]) <= WIDEST)
+    if meant and world.kind == "mesh":
+        meant = bool(np.all((points > known[::2]) & (points < known[1::2])))
     if given is None and not meant:
         points = np.vstack([points, *(solid.pose[None, :d, 3] for solid in world.solids)])
         ends = np.column_stack([np.floor(points.min(axis=0) - 1), np.ceil(points.max(axis=0) + 1)]).ravel()
-        why = "a turned map needs" if world.kind == "map" else "no ground plane bounds it: add"
+        mesh = f"the box around the mesh leaves out start or goal, or is wider than {WIDEST:g} m: add"
+        why = {"map": "a turned map needs", "mesh": mesh}.get(world.kind, "no ground plane bounds it: add")
         raise SceneError(f"{source}: {why} {border}, for example {' '.join(f'{end:g}' for end in ends)}")
     bounds = _numbers(source, border, known if given is None else given, (2 * d,))
     if not np.all(bounds[::2] < bounds[1::2]):

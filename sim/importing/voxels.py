@@ -65,7 +65,8 @@ def _array(path: Path, data: bytes, cell: float | None) -> tuple[BoolArray, floa
         side = float(held.get("cell", np.nan) if cell is None else cell)
         origin = np.array(held.get("origin", np.zeros(3)), dtype=float)
     if not (FINEST <= side <= FARTHEST):
-        raise SceneError(f"{path}: the side of its voxels is {side:g}; give it in metres, --cell M")
+        known = "not stated" if np.isnan(side) else f"{side:g}"
+        raise SceneError(f"{path}: the side of its voxels is {known}; give it in metres, --cell M")
     if origin.shape != (3,) or not np.all(np.abs(origin) <= FARTHEST):
         raise SceneError(f"{path}: origin is {origin.tolist()}; write the least corner x, y, z [m]")
     with refused(f"{path}: ", "", SceneError):

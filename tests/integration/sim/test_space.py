@@ -3,12 +3,14 @@
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from drives import columns, logged, static
 from rerun.chunk import RrdReader
 
+from sim import plotting
 from sim.cli import main
 from sim.drawing.ways import ways_in
 from sim.mjcf import load
@@ -169,3 +171,20 @@ def test_a_plan_in_space_is_told_drawn_and_written(tmp_path, capsys):
     assert [one["name"] for one in known["obstacles"]] == ["wall"]
     assert len(known["obstacles"][0]["marker"]) == 3
     assert picture.stat().st_size > 20_000
+
+
+@pytest.mark.slow
+def test_the_legend_of_a_plan_in_space_names_the_cheapest_classes_and_counts_the_others(tmp_path, monkeypatch):
+    figures = list[Any]()
+    monkeypatch.setattr(plotting, "_save", lambda axes, *_: figures.append(axes.figure))
+    scenario = prepare("pillars", vertices=300)
+    tree = scenario.grown_tree()
+    references = 3 * tree.references(scenario.start)
+    plotting.draw_plan(tmp_path / "plan.png", scenario, tree, references)
+    figure = figures[0]
+    figure.canvas.draw()
+    *named, last = (text.get_text() for text in figure.legends[0].get_texts())
+    assert [text.split(":")[0] for text in named] == [reference.id for reference in references[: len(named)]]
+    assert last == f"and {len(references) - len(named)} more"
+    assert figure.legends[0].get_window_extent().height < figure.bbox.height
+    assert min(axes.get_window_extent().width for axes in figure.axes) > 0.5 * figure.bbox.width

@@ -177,3 +177,20 @@ def test_help_tells_every_field_and_no_other_and_the_shape_and_unit_of_every_arr
             assert re.search(r"\((\w|\+)+,( \w+)*\)|\(\w+, \w+\)", told[field.name]), field.name
             assert UNIT.search(told[field.name]) or field.name in plain, field.name
         assert field.name not in ("q", "phi", "temperature") or re.search(r"\[cost(/s)?\]", told[field.name])
+
+
+@pytest.mark.slow
+def test_pictures_in_space_have_a_view_from_above_and_one_from_the_south():
+    scenario = prepare("window", robot="ball", vertices=100, samples=30)
+    tree = scenario.grown_tree()
+    plan = scenario.driver(tree).plan(scenario.start)
+    for axes in (tree.plot(scenario.start), plan.plot(samples=5)):
+        assert [(one.get_xlabel(), one.get_ylabel()) for one in axes.figure.axes] == [
+            ("x [m]", y) for y in ("y [m]", "z [m]")
+        ]
+        high = [max(line.get_ydata().max() for line in one.lines[: len(plan.ids)]) for one in axes.figure.axes]
+        assert high[1] > 2.2  # one class goes over the wall
+        assert axes is axes.figure.axes[0]
+        assert len(axes.get_legend().get_texts()) == len(plan.ids)
+    own = matplotlib.figure.Figure().subplots()
+    assert tree.plot(scenario.start, axes=own) is own

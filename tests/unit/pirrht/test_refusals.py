@@ -1,11 +1,14 @@
 """Systems and scenes that the method cannot serve are refused by name; noise through inputs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from by_inputs import Driven, PushedMass, around_a_disc, driven
 from discs import scene_of
 
 from pirrht import (
+    Ball,
     Controller,
     Desirability,
     Dubins,
@@ -16,11 +19,17 @@ from pirrht import (
     OptionError,
     Problem,
     Sampling,
+    Scene,
+    SceneError,
     SingleIntegrator,
+    SpaceLine,
     StraightLine,
+    TurnAndGo,
     Unicycle,
+    grown_tree,
 )
 from pirrht.control.cost_to_go import cost_to_go, straight_lines
+from pirrht.proposals.proposal import Batch
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import no_drift
 from pirrht.systems.rover import Rover
@@ -120,21 +129,54 @@ def test_straight_lines_and_grids_refuse_what_they_do_not_know() -> None:
 
     for problem, steering in (
         (posed(boat()), "Boat .* Tracked"),
-        (posed(Rover(), np.diag([2.0, 0.5])), "Rover .* TurnAndGo"),
+        (posed(Rover(), np.diag([2.0, 0.5])), "Rover .* Tracked"),
     ):
         says = rf"^straight lines steer a point .*, not {steering}.of\(problem\), or bring a"
         with pytest.raises(OptionError, match=says):
             StraightLine.of(problem)
+    with pytest.raises(OptionError, match=r"^a disc needs no room to turn; take Tracked.of\(problem\)"):
+        TurnAndGo.of(problem)
     with pytest.raises(OptionError, match=r"^no grid solves the dynamics Adrift;"):
         Desirability.of(posed(Adrift()), FreeSpace.of(SCENE))
 
 
-def test_a_plan_at_what_is_no_state_of_the_system_is_refused() -> None:
-    space = FreeSpace.of(SCENE)
+def test_what_is_no_state_of_the_system_is_refused_wherever_a_state_is_asked_for() -> None:
+    problem, space = posed(SingleIntegrator()), FreeSpace.of(SCENE)
     tree = HomologyTree(space, StraightLine(), rng=np.random.default_rng(0))
-    controller = Controller(posed(SingleIntegrator()), space, tree, Sampling(), rng=np.random.default_rng(0))
-    with pytest.raises(OptionError, match=r"^the state has the shape \(3,\); SingleIntegrator \(x, y\) has 2 numbers$"):
-        controller.plan(SCENE.start)
+    controller = Controller(problem, space, tree, Sampling(), rng=np.random.default_rng(0))
+    blank = Desirability(problem=problem, space=space, spacing=1.0, dt=None, grid=None, evaluate=None, gain=np.eye(2))
+    batch = Batch(state=SCENE.start, times=np.arange(3.0), proposals=())
+
+    system = r"SingleIntegrator \(x, y\)"
+    for ask, owner in (
+        (controller.plan, system), (controller.begin, system), (lambda x: controller.step(x, 0.1), system),
+        (lambda x: controller.observe([x], 0.1), system), (lambda x: controller.expect(x, 0.1), system),
+        (lambda x: controller.path_integral.rollout(replace(batch, state=x), 0), system),
+        (blank.value, system), (blank.control, system), (blank.shares, system), (tree.references, "StraightLine"),
+        (tree.too_fast, "StraightLine"), (lambda x: grown_tree(space, StraightLine(), x), "StraightLine"),
+    ):  # fmt: skip
+        for x in (SCENE.start, [1.0], "here", [np.nan, 1.0]):
+            with pytest.raises(OptionError, match=rf"^the state is .*; {owner} takes 2 finite numbers$"):
+                ask(x)
+    with pytest.raises(OptionError, match=r"^the state is \(1\); a robot in .* takes 2 finite numbers"):
+        space.clearance(np.ones(1))
+
+
+def test_a_tree_for_a_state_in_a_wall_is_refused_with_the_walls_name() -> None:
+    voxels = np.zeros((12, 8, 6), dtype=bool)
+    voxels[5:7, :, :4] = True
+    scene = Scene.from_voxels(voxels, 0.5, start=(1, 2, 1), goal=(5, 2, 1, 0.4), robot_radius=0.2)
+    lines = SpaceLine.of(Problem(dynamics=Ball(), scene=scene, R=np.eye(3)))
+    walls = Scene.from_boxes(
+        [[1, 1, 2, 2]], lower=(0, 0), upper=(4, 4), start=(3, 3), goal=(0.5, 3, 0.3), robot_radius=0.2
+    )
+    for task, steering, x, says in (
+        (scene, lines, [3.0, 2.0, 1.0], r'\(3, 2, 1\) is in collision .* lacks 0.2 m to "block 1"'),
+        (scene, lines, [3.0, 2.0, 9.0], "lies outside the workspace"),
+        (walls, StraightLine(), [1.5, 1.5], r'\(1.5, 1.5\) is in collision .* lacks 0.2 m to "box 1"'),
+    ):
+        with pytest.raises(SceneError, match=says):
+            grown_tree(FreeSpace.of(task), steering, x)
 
 
 def test_headings_states_and_bounds_follow_from_the_names_of_the_states() -> None:

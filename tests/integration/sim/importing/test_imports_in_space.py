@@ -171,16 +171,22 @@ def test_a_mesh_in_a_scene_is_split_for_a_robot_in_space_and_a_hull_for_one_in_t
 
 
 REFUSED = [
-    ("a.npy", {}, "the side of its voxels is nan; give it in metres, --cell M"),
+    ("a.npy", {}, "the side of its voxels is not stated; give it in metres, --cell M"),
+    ("a.npy", {"cell": -1.0}, "the side of its voxels is -1; give it in metres, --cell M"),
     ("a.npy", {"cell": 0.25, "goal": (5, 3, 1)}, "[5, 3, 1] is no --goal X Y Z R"),
     ("a.npy", {"cell": 0.25, "start": (3.0, 0.5, 0.5)}, "the start (3, 0.5, 0.5) the robot touches"),
+    (
+        "a.obj",
+        {},
+        "the box around the mesh leaves out start or goal, or is wider than 50 m: add --workspace X0 X1 Y0 Y1 Z0 Z1",
+    ),
     ("a.bt", {"cell": 0.25}, "a tree states the side of its voxels; leave out --cell"),
 ]
 
 
 @pytest.mark.parametrize(("name", "task", "words"), REFUSED)
 def test_a_bad_task_in_space_is_refused_in_one_line(tmp_path, name, task, words):
-    path = saved(tmp_path, name, wall())
+    path = ring(tmp_path, name) if name.endswith("obj") else saved(tmp_path, name, wall())
     refused(lambda: import_world(path, tmp_path / "new.xml", **TASK | task), name, words)
 
 
