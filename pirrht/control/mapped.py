@@ -4,6 +4,7 @@ What nobody has seen counts as free. A new map changes the scene as `Controller.
 numbers and classes their names as far as they go on, and so does what the run knows of them.
 """
 
+import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -41,7 +42,7 @@ class Believed:
     scan: Scan | None  # the last one
     occupied: np.ndarray[Any, np.dtype[np.bool_]]  # cells, (rows, columns), the lowest row first
     unknown: np.ndarray[Any, np.dtype[np.bool_]]  # cells that no ray has passed, (rows, columns)
-    seconds: float  # that the new map took [s]; 0: nothing had changed
+    seconds: float  # that scans, map and what follows from it took before the plan [s]
 
 
 class Mapped(Policy):
@@ -52,6 +53,7 @@ class Mapped(Policy):
         cell: side of a cell of the map [m].
         sensor: has scans, by which plans begin, and the error of the believed pose; None: `see` is called.
         unknown: price of a metre of a reference that nobody has seen [cost/m].
+        clock: tells the time by which the work on maps is measured [s].
         background: new maps are examined while the robot drives on by the last; False: before the next plan.
     """
 
@@ -61,12 +63,13 @@ class Mapped(Policy):
 
     def __init__(
         self, controller: Controller, *, cell: float = 0.05, sensor: Sensor | None = None, unknown: float = 0.0,
-        background: bool = False,
+        background: bool = False, clock: Callable[[], float] = time.perf_counter,
     ) -> None:  # fmt: skip
         self.controller = controller
         self.cell = cell
         self.sensor = sensor
         self.unknown = unknown
+        self.clock = clock
         self.believed: Believed | None = None
         self.map = self._empty()
 
@@ -97,6 +100,7 @@ class Mapped(Policy):
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,) among what is known; see `Controller.plan`."""
+        began = self.clock()
         error = np.zeros(len(x))
         if self.sensor is not None:
             for scan in self.sensor.take():
@@ -104,7 +108,9 @@ class Mapped(Policy):
             reads = [*self.problem.dynamics.reads(True)]
             error[reads] = self.sensor.error[: len(reads)]
         self._renew()
-        self.believed = Believed(scan=self._last, occupied=self.map.occupied, unknown=self.map.unknown, seconds=0.0)
+        self.believed = Believed(
+            scan=self._last, occupied=self.map.occupied, unknown=self.map.unknown, seconds=self.clock() - began
+        )
         return shifted(self.controller.plan(x + error, left), error)
 
     def _renew(self) -> None:
