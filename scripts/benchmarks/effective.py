@@ -13,7 +13,7 @@ from itertools import groupby, product
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.barn import START, world, worlds
+from benchmarks.barn import world, worlds
 from benchmarks.moving_text import prepared
 from benchmarks.pool import spread
 from worlds import grown
