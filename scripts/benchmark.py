@@ -7,8 +7,8 @@
                                             turn with those of another checkout (--against)
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py effective   effective samples of all plans of drives: six robots, scenes, worlds of BARN
-    python scripts/benchmark.py barn        success, time and score of a Jackal with lidar in 50 worlds of BARN, or --worlds;
-                                            --known: with the map; --method: of others
+    python scripts/benchmark.py barn        success, time and score of a Jackal with lidar in worlds of BARN (50, or
+                                            --worlds); --known: with the map; --method: by another
     python scripts/benchmark.py sensing     rooms driven with a lidar: time of a map's update, classes that change
     python scripts/benchmark.py worst       where their 30 (--plans) weakest plans lose these, and what is to blame
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum

@@ -5,13 +5,7 @@ beyond the open one. The clock starts once the robot has moved 0.1 m; a collisio
 frame of the challenge, moved by `ACROSS`, so that the corner of the workspace is the origin.
 """
 
-from collections.abc import Sequence
-from heapq import heappop, heappush
-from math import hypot
-from typing import Any
-
 import numpy as np
-from scipy import ndimage
 
 from pirrht.arrays import Array
 

@@ -1,4 +1,4 @@
-"""Drive without a map: a controller among what a lidar has shown so far.
+"""Drive without a map: a policy among what a lidar has shown so far.
 
 What nobody has seen counts as free. A new map changes the scene as `Controller.update` does: obstacles keep their
 numbers and classes their names as far as they go on, and so does what the run knows of them.
@@ -14,6 +14,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.baselines import Mppi
 from pirrht.control.controller import Controller
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
@@ -46,7 +47,7 @@ class Believed:
 
 
 class Mapped(Policy):
-    """A `Controller` whose scene is a map of what scans show.
+    """A `Controller` or `Mppi` whose scene is a map of what scans show.
 
     Args:
         controller: in a scene without obstacles, of a free space with a `grain`.
@@ -62,7 +63,7 @@ class Mapped(Policy):
     )
 
     def __init__(
-        self, controller: Controller, *, cell: float = 0.05, sensor: Sensor | None = None, unknown: float = 0.0,
+        self, controller: Controller | Mppi, *, cell: float = 0.05, sensor: Sensor | None = None, unknown: float = 0.0,
         background: bool = False, clock: Callable[[], float] = time.perf_counter,
     ) -> None:  # fmt: skip
         self.controller = controller
@@ -79,7 +80,8 @@ class Mapped(Policy):
         self._pending: Future[Renewed | None] | None = None
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
-        controller.surcharge = self._surcharge if unknown > 0.0 else None
+        if isinstance(controller, Controller):
+            controller.surcharge = self._surcharge if unknown > 0.0 else None
 
     def _empty(self) -> OccupancyMap:
         scene = self.space.scene
