@@ -7,6 +7,7 @@ generator after the description of BARN: a field of cells that are full at rando
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +40,9 @@ def score(outcome: str, time: float, best: float) -> float:
     return best / float(np.clip(time, 2.0 * best, 8.0 * best)) if outcome == "goal" else 0.0
 
 
-def waited(states: Array, step: float) -> float:
-    """Return how long states (k, n), a step apart, take to have moved [s]."""
-    away = np.hypot(*(states[:, :2] - START[:2]).T) > MOVED
+def waited(states: Array, step: float, start: Sequence[float] | Array = START) -> float:
+    """Return how long states (k, n), a step apart, take to have moved from a start [s]."""
+    away = np.hypot(*(states[:, :2] - np.array(start[:2])).T) > MOVED
     return step * float(np.argmax(away) if away.any() else len(away))
 
 

@@ -11,18 +11,21 @@ any; `gymnasium.make("sim.gym:pirrht/Slit-v0")` imports it.
 
 `reset(seed=s)` gives the plant the noise that it has under `pirrht run --seed s`.
 
-`pirrht/Barn-v0` is a Jackal with a lidar in worlds of BARN, scored by the rules of its challenge; see `Barn`. Our own
-methods drive environments as policies, by `method_of`.
+`pirrht/Barn-v0` is a Jackal with a lidar in worlds of BARN, scored by the rules of its challenge; see `Barn`, and
+`DynaBarn` for `pirrht/DynaBarn-v0`. Our own methods drive environments as policies, by `method_of`.
 """
 
+import json
 import reprlib
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
@@ -37,6 +40,8 @@ from sim import barn
 from sim.drive.executor import Executor
 from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan
 from sim.extras import require
+from sim.importing import dynabarn
+from sim.importing.scene_file import import_world
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
@@ -52,6 +57,7 @@ from gymnasium.spaces import Box, Dict  # noqa: E402
 
 PENALTY = 100.0  # of a collision, where phi is infinite [cost]
 OTHERS = {"method", "seed", "plan_seed", "real_time"}  # options of a run that are the policy's, or of `reset`
+OWN = {"robot", "system", "start", "goal", "workspace", "sense"}  # options that are those of BARN's worlds
 ARGUMENTS = {*BY_SCENE, *BY_SETTING} - OTHERS
 SEED = BY_SETTING["seed"]
 
@@ -191,8 +197,10 @@ class Barn(Drive):
         self, worlds: str | Path | Mapping[str, Any] | Sequence[Any] | None = None, *,
         lengths: str | Path | Mapping[str, float] | None = None, bound: float = np.inf, **options: Any,
     ) -> None:  # fmt: skip
-        if options.get("sense") is not None:
-            raise OptionError("sense: no argument of this environment, which has a lidar; leave it out")
+        if strange := OWN & options.keys():
+            raise OptionError(
+                f"{', '.join(sorted(strange))}: no argument of an environment whose worlds have their own"
+            )
         given: Any = barn.read(worlds) if isinstance(worlds, str | Path) else worlds
         if given is not None and not len(given):
             raise OptionError("there is no world; give at least one, or leave them out to have some grown")
@@ -201,10 +209,11 @@ class Barn(Drive):
         ways: Any = barn.read(lengths) if isinstance(lengths, str | Path) else lengths or {}
         self.lengths: dict[str, float] = dict(ways.get("length", ways))
         self.scan: Scan | None = None  # the last one
-        self._folder = TemporaryDirectory()
-        self._file = Path(self._folder.name) / "barn.xml"
+        folder = mkdtemp()
+        finalize(self, rmtree, folder, ignore_errors=True)
+        self._file = Path(folder) / "barn.xml"
         self._choose(next(iter(self.worlds), "0"))
-        super().__init__(self._file, bound=bound, **barn.SENSED | options, sense="lidar")
+        super().__init__(self._file, bound=bound, **barn.SENSED | options, robot="jackal", sense="lidar")
         lidar = self._senses.sensor.lidar
         self.observation_space = Dict(
             ranges=Box(0.0, lidar.most, (lidar.rays,), np.float64), pose=_unbounded(3), goal=_unbounded(2),
@@ -228,13 +237,17 @@ class Barn(Drive):
             known = reprlib.repr(list(self.worlds))
             raise OptionError(f"there is no world {world!r}; those are {known}")
         try:
-            posts = np.array(self.worlds[world], dtype=float) if self.worlds else barn.grown(int(world))
-            best = float(self.lengths.get(world, barn.length(posts)))
-            self._file.write_text(barn.text("barn", posts), encoding="utf-8")
+            way = self._write(world)
+            self.best = float(self.lengths.get(world, way)) / barn.FASTEST
         except (ValueError, TypeError, IndexError) as error:
             raise OptionError(f"world {world!r}: {error}; centres are (k, 2), and grown worlds have numbers") from None
         self.world = world
-        self.best = best / barn.FASTEST
+
+    def _write(self, world: str) -> float:
+        """Write the scene of a world; return the length of its shortest way [m]."""
+        posts = np.array(self.worlds[world], dtype=float) if self.worlds else barn.grown(int(world))
+        self._file.write_text(barn.text("barn", posts), encoding="utf-8")
+        return barn.length(posts)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Stand at the start of a world; without a seed one is drawn."""
@@ -254,7 +267,8 @@ class Barn(Drive):
         assert self.scan is not None
         x = self.believed
         h = self._plant.physics_step
-        *_, before, now = [self._plant.state] * 2 if self.frame is None else self.frame.advance.states[-2:]
+        track = x[None] if self.frame is None else self.frame.advance.states
+        before, now = track[[max(len(track) - 2, 0), -1]]
         c = np.cos(x[2])
         s = np.sin(x[2])
         turned = np.array([[c, s], [-s, c]])
@@ -267,7 +281,7 @@ class Barn(Drive):
 
     def _rewarded(self, frame: Frame) -> float:
         begun = self._metrics.time - frame.advance.time
-        moved = barn.waited(frame.advance.states, self._plant.physics_step)
+        moved = barn.waited(frame.advance.states, self._plant.physics_step, self.scenario.start)
         if self._late is None and (moved < frame.advance.time - 1e-9 or frame.outcome is not None):
             self._late = begun + moved
         if frame.outcome is not None:
@@ -280,6 +294,24 @@ class Barn(Drive):
 
     def _info(self) -> dict[str, Any]:
         return super()._info() | {"world": self.world, "score": self._score}
+
+
+class DynaBarn(Barn):
+    """A Jackal with a lidar in worlds of DynaBARN (Nair et al. 2022), among cylinders that move, scored as in `Barn`.
+
+    Args:
+        worlds: JSON file of motions, as `pirrht import --motion` reads it, or what it holds.
+        options: those of `Barn`.
+    """
+
+    def __init__(self, worlds: str | Path | Mapping[str, Any], **options: Any) -> None:
+        super().__init__(worlds, **{"footprint": "jackal"} | options)  # the file has another robot's radius
+
+    def _write(self, world: str) -> float:
+        source = self._file.with_suffix(".json")
+        source.write_text(json.dumps({world: self.worlds[world]}), encoding="utf-8")
+        import_world(source, self._file, motion=True)
+        return float(np.hypot(*np.subtract(dynabarn.START, dynabarn.GOAL)[:2]))
 
 
 def _unbounded(n: int) -> Box:
@@ -392,3 +424,4 @@ for _scene in scene_names():
         gymnasium.register(id=name_of(_scene), entry_point="sim.gym:Drive", kwargs={"scene": _scene})
 gymnasium.register(id="pirrht/Scene-v0", entry_point="sim.gym:Drive")
 gymnasium.register(id="pirrht/Barn-v0", entry_point="sim.gym:Barn")
+gymnasium.register(id="pirrht/DynaBarn-v0", entry_point="sim.gym:DynaBarn")
