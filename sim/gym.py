@@ -246,6 +246,7 @@ class Barn(Drive):
     def _write(self, world: str) -> float:
         """Write the scene of a world; return the length of its shortest way [m]."""
         posts = np.array(self.worlds[world], dtype=float) if self.worlds else barn.grown(int(world))
+        posts = posts.reshape(len(posts), 2)
         self._file.write_text(barn.text("barn", posts), encoding="utf-8")
         return barn.length(posts)
 
