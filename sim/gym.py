@@ -58,6 +58,7 @@ from gymnasium.spaces import Box, Dict  # noqa: E402
 PENALTY = 100.0  # of a collision, where phi is infinite [cost]
 OTHERS = {"method", "seed", "plan_seed", "real_time"}  # options of a run that are the policy's, or of `reset`
 OWN = {"robot", "system", "start", "goal", "workspace", "sense"}  # options that are those of BARN's worlds
+NUMBERED = 10_000  # worlds that are drawn from those of our own
 ARGUMENTS = {*BY_SCENE, *BY_SETTING} - OTHERS
 SEED = BY_SETTING["seed"]
 
@@ -253,7 +254,7 @@ class Barn(Drive):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Stand at the start of a world; without a seed one is drawn."""
         rng = self.np_random if seed is None else np.random.default_rng(SEED.check(seed, "seed"))
-        drawn = int(rng.integers(len(self.worlds) or 2**31))
+        drawn = int(rng.integers(len(self.worlds) or NUMBERED))
         world = str((options or {}).get("world", [*self.worlds][drawn] if self.worlds else drawn))
         if world != self.world:
             self._choose(world)

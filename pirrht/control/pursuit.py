@@ -17,9 +17,8 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
+from pirrht.steering.motion import SPACING
 from pirrht.systems.dynamics import wrapped
-
-SPACING = 0.02  # of the points of a path [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

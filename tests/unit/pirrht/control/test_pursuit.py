@@ -22,7 +22,7 @@ def law_of(slit: Scenario, dynamics, R, distance: float = 0.5) -> PursuitLaw:
 )  # fmt: skip
 def test_it_aims_at_the_first_point_far_enough_behind_the_nearest_or_at_the_end(slit, place, aim):
     law = law_of(slit, SingleIntegrator(b=0.1), 2.0 * np.eye(2))
-    np.testing.assert_allclose(law.aim(np.array(place)), aim, atol=0.021)
+    np.testing.assert_allclose(law.aim(np.array(place)), aim, atol=0.051)
 
 
 def test_controls_are_those_of_the_circle_at_the_best_speed(slit):
