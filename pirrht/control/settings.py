@@ -44,6 +44,7 @@ METHODS = {name: method.text for name, method in SAMPLING.items()} | {
     "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
 TREELESS = ("passive", "mppi", "optimal")
+WITHOUT_SAMPLES = ("pursuit", "optimal")
 
 
 class ControlTuning(NamedTuple):
