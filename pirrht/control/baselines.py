@@ -94,14 +94,14 @@ class Mppi(Policy):
             with Sigma, which is how MPPI is tuned.
         sampling: `samples` counts all of a plan; they follow the control sequence. None: 600 independent ones.
         horizon: length of the control sequence [s].
-        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: those of `beyond`.
-        beyond: makes such costs of a free space, anew for every scene; None: a point's along shortest paths.
+        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: those of `terminal_costs`.
+        terminal_costs: makes such costs of a free space, anew for every scene; None: a point's along shortest paths.
         homology, predict, deceleration, rng: see `Controller`.
     """
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = 3.0,
-        terminal_cost: TerminalCost | None = None, beyond: Callable[[FreeSpace], TerminalCost] | None = None,
+        terminal_cost: TerminalCost | None = None, terminal_costs: Callable[[FreeSpace], TerminalCost] | None = None,
         homology: Signature | None = None, predict: ConstantVelocity | None = None, deceleration: float = 0.0,
         rng: np.random.Generator,
     ) -> None:  # fmt: skip
@@ -111,7 +111,7 @@ class Mppi(Policy):
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.rng, self.predict = rng, predict
         self.deceleration = deceleration
-        self.beyond = beyond or (lambda space: cost_to_go(problem, shortest_paths(space)))
+        self.terminal_costs = terminal_costs or (lambda space: cost_to_go(problem, shortest_paths(space)))
         self.terminal_cost = terminal_cost
         self._enter(problem, space, sampling, homology)
         self.times = self.path_integral.steps(horizon)
@@ -123,7 +123,11 @@ class Mppi(Policy):
         """Replace problem and space."""
         self.homology = homology or homology_of(problem, space)
         self.path_integral = path_integral(
-            problem, space, sampling, terminal_cost=self.terminal_cost or self.beyond(space), homology=self.homology
+            problem,
+            space,
+            sampling,
+            terminal_cost=self.terminal_cost or self.terminal_costs(space),
+            homology=self.homology,
         )
 
     def adopt(self, new: Renewed | None) -> None:

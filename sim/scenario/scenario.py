@@ -292,14 +292,14 @@ class Scenario:
             sampling = replace(sampling, first=None, guide="open-loop", draws="independent")
             problem = self.system.problem(self.problem.scene, replace(s, noise=s.exploration * s.noise))
 
-            def beyond(space: FreeSpace) -> TerminalCost:
+            def terminal_costs(space: FreeSpace) -> TerminalCost:
                 straight = s.mppi_terminal == "straight"
                 remaining = straight_lines(problem.scene.goal) if straight else shortest_paths(space)
                 costs: TerminalCost = self.system.cost_to_go(problem, remaining)
                 return costs
 
             return Mppi(
-                problem, self.space, sampling, horizon=s.horizon, beyond=beyond, deceleration=s.brake, **more
+                problem, self.space, sampling, horizon=s.horizon, terminal_costs=terminal_costs, deceleration=s.brake, **more
             )  # fmt: skip
         return Controller(
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,

@@ -81,8 +81,8 @@ def test_a_governed_law_keeps_a_share_for_a_while_and_is_the_law_where_nothing_i
 def test_a_plan_whose_control_is_held_is_governed_too_but_no_brake(x: float, least: float):
     g = governor()
     held = Plan(
-        state=np.array([1.0, 2.0, 0.0]), times=np.array([0.0, 0.1]), references=(), ids=(), estimate=None, fallback=None,
-        instead=np.array([[2.0, 0.0]]),
+        state=np.array([1.0, 2.0, 0.0]), times=np.array([0.0, 0.1]), instead=np.array([[2.0, 0.0]]), references=(),
+        ids=(), estimate=None, fallback=None,
     )  # fmt: skip
     speed = governed(held, g.dynamics, g.static, DECELERATION).at(np.array([x, 2.0, 0.0]), 0.0)[0]
     assert least <= speed <= 2.0
