@@ -299,7 +299,8 @@ class Scenario:
                 return costs
 
             return Mppi(
-                problem, self.space, sampling, horizon=s.horizon, terminal_costs=terminal_costs, deceleration=s.brake, **more
+                problem, self.space, sampling, horizon=s.horizon, terminal_costs=terminal_costs, deceleration=s.brake,
+                **more,
             )  # fmt: skip
         return Controller(
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
