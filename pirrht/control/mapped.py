@@ -8,16 +8,18 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from operator import attrgetter
+from time import perf_counter
 from typing import Any, Protocol, cast
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.control.controller import Controller
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import SceneError
+from pirrht.geometry.scene import Scene
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
 from pirrht.planner.references import Reference
@@ -39,9 +41,17 @@ class Believed:
     """What the robot knew when a plan was made."""
 
     scan: Scan | None  # the last one
-    occupied: np.ndarray[Any, np.dtype[np.bool_]]  # cells, (rows, columns), the lowest row first
-    unknown: np.ndarray[Any, np.dtype[np.bool_]]  # cells that no ray has passed, (rows, columns)
-    seconds: float  # that the new map took [s]; 0: nothing had changed
+    occupied: BoolArray  # cells, (rows, columns), the lowest row first
+    unknown: BoolArray  # cells that no ray has passed, (rows, columns)
+    lower: Array  # corner of the first cell, (2,) [m]
+    cell: float  # side of a cell [m]
+    error: Array  # of the pose that the robot believes, x, y [m] and yaw [rad], (3,)
+    seconds: float = 0.0  # that new scans took to become a map that plans count with [s]; 0: there were none
+
+    @property
+    def upper(self) -> Array:
+        """Upper corner of the last cell, (2,) [m]."""
+        return np.asarray(self.lower + self.cell * np.array(self.unknown.shape[::-1]))
 
 
 class Mapped(Policy):
@@ -67,13 +77,12 @@ class Mapped(Policy):
         self.cell = cell
         self.sensor = sensor
         self.unknown = unknown
-        self.believed: Believed | None = None
         self.map = self._empty()
 
         self._bare = replace(controller.problem.scene, obstacles=())
         self._vertices = 0 if controller.tree is None else controller.tree.size
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="mapper") if background else None
-        self._pending: Future[Renewed | None] | None = None
+        self._pending: Future[tuple[Renewed | None, float]] | None = None
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
         controller.surcharge = self._surcharge if unknown > 0.0 else None
@@ -84,7 +93,7 @@ class Mapped(Policy):
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far and its map; a new one starts at x (n,), at a time [s]."""
-        self._pending = None
+        self._pending = self._last = self.believed = None
         self.map = self._empty()
         self._version = 0
         self.controller.update(self._bare, self._vertices or None)
@@ -97,36 +106,65 @@ class Mapped(Policy):
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,) among what is known; see `Controller.plan`."""
+        began = perf_counter()
         error = np.zeros(len(x))
+        pose = np.zeros(3)
         if self.sensor is not None:
             for scan in self.sensor.take():
                 self.see(scan)
             reads = [*self.problem.dynamics.reads(True)]
-            error[reads] = self.sensor.error[: len(reads)]
-        self._renew()
-        self.believed = Believed(scan=self._last, occupied=self.map.occupied, unknown=self.map.unknown, seconds=0.0)
+            pose = self.sensor.error
+            error[reads] = pose[: len(reads)]
+        examined = self._renew()
+        self._note(pose, examined, perf_counter() - began)
         return shifted(self.controller.plan(x + error, left), error)
 
-    def _renew(self) -> None:
-        """Continue in the newest map that is examined, and have the next one examined."""
+    def _note(self, error: Array, examined: float, seconds: float) -> None:
+        """Note what is known now, after a map was `examined` and scans were taken in for some seconds."""
+        last = self.believed
+        grid = self.map
+        if last is None or last.scan is not self._last:
+            last = Believed(
+                scan=self._last, occupied=grid.occupied, unknown=grid.unknown, lower=grid.lower, cell=grid.cell,
+                error=error.copy(), seconds=examined + seconds,
+            )  # fmt: skip
+        else:
+            last = replace(last, seconds=examined)
+        self.believed = last
+
+    def _renew(self) -> float:
+        """Continue in the newest map that is examined, and have the next one examined.
+
+        Return how long that was examined in the background [s].
+        """
+        took = 0.0
         pool = self._pool if self.run.planned else None
         if self._pending is not None and (pool is None or self._pending.done()):
-            self._adopt(self._pending)
+            took = self._adopt(self._pending)
         if self._pending is None and self.map.version != self._version:
             self._version = self.map.version
             scene = self.map.scene(self._bare)
             if pool is None:
-                self._adopt(immediately(lambda: self.controller.renewed(scene, self._vertices or None)))
+                self._adopt(immediately(lambda: self._examined(scene)))
             else:
-                self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
+                self._pending = pool.submit(self._examined, scene)
+        return took
 
-    def _adopt(self, examined: "Future[Renewed | None]") -> None:
-        """Continue in a map; in the last one, if the goal is covered in it."""
+    def _examined(self, scene: Scene) -> tuple[Renewed | None, float]:
+        """Examine a map; return also how long that took [s]."""
+        began = perf_counter()
+        new = self.controller.renewed(scene, self._vertices or None)
+        return new, perf_counter() - began
+
+    def _adopt(self, examined: "Future[tuple[Renewed | None, float]]") -> float:
+        """Continue in a map; in the last one, if the goal is covered in it. Return how long it was examined [s]."""
         self._pending = None
         try:
-            self.controller.adopt(examined.result())
+            new, seconds = examined.result()
+            self.controller.adopt(new)
         except SceneError:
-            return
+            return 0.0
+        return seconds
 
     def _surcharge(self, reference: Reference) -> float:
         """Price what nobody has seen of a reference [cost]."""

@@ -4,6 +4,7 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from numbers import Real
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.signature import Signature, class_id
 
+if TYPE_CHECKING:
+    from pirrht.control.mapped import Believed
+
 
 class Policy(ABC):
     """A feedback law that replans during a run: `Controller`, `Mppi` or `Optimal`."""
@@ -29,6 +33,7 @@ class Policy(ABC):
     tree: HomologyTree | None = None  # None: it needs none
     predict: ConstantVelocity | None = None  # None: motions are known
     run: RunState  # of the run under way
+    believed: "Believed | None" = None  # what the last plan rests on; None: the scene is known
 
     @property
     def problem(self) -> Problem:

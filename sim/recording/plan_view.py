@@ -17,6 +17,7 @@ import rerun as rr
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.plotting.colors import ClassColors, Color, blend
 from pirrht.plotting.strokes import even, outline
 from sim.drawing import strokes
@@ -50,15 +51,18 @@ class Pictures:
 
     def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
         self._stream, self._subject, self._colors = stream, subject, colors
+        self._first = subject
         self._fans: set[str] = set()
         self._now = (0, 0.0)  # moment of the plan drawn
         self._sizes = list[float]()  # square roots of its weights
         self._reached = 0.0  # until when there are tubes [s]
         self._words = dict[str, str]()  # of ways in space, by class
 
-    def draw(self, plan: Plan, step: int, time: float) -> None:
-        """Log a plan at a step and simulated time [s]."""
+    def draw(self, plan: Plan, path_integral: PathIntegral | None, step: int, time: float) -> Subject:
+        """Log a plan of a sampler at a step and simulated time [s]; return its context."""
         self._now = step, time
+        if path_integral is not None and path_integral is not self._subject.path_integral:
+            self._subject = self._first.among(path_integral)
         subject, weights = self._subject, plan.estimate.class_weights if plan.estimate else {}
         lines = [
             at_most(r.trajectory.points[:, : subject.space.scene.dimension], REFERENCE_POINTS) for r in plan.references
@@ -88,6 +92,7 @@ class Pictures:
             self._strips("/world/foreseen", [placed(one.ring, 0.03) for one in later], _paler(later), 0.008)
         if subject.in_time:
             self._draw_in_time(plan, fans, labels)
+        return subject
 
     def _label(self, path: str, labels: Mapping[str, str], plan: Plan, lines: Sequence[Array | Floats]) -> None:
         """Log the labels of classes on their lines (k, 2) or (k, 3) [m]."""

@@ -105,7 +105,8 @@ class Scenario:
             raise OptionError(f"{fixed[0]} decides on the margin that keeps --risk; prepare the scene with it")
         problem = self.system.problem(self.problem.scene, settings)
         widens = self.widens and "limit" not in changes
-        return replace(self, settings=settings, problem=problem, widens=widens, spare=[], collision=None)
+        real = self.real and self.system.problem(self.real.scene, settings)
+        return replace(self, settings=settings, problem=problem, real=real, widens=widens, spare=[], collision=None)
 
     @property
     def start(self) -> Array:
