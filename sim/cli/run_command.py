@@ -95,7 +95,7 @@ def _film(arguments: argparse.Namespace, scenario: Any) -> Any:
         return None
     from sim.film import Film
 
-    return Film(scenario.loaded, video=arguments.video, still=arguments.png)
+    return Film(scenario.loaded, video=arguments.video, still=arguments.png, known=scenario.settings.sense == "lidar")
 
 
 def _save_film(film: Any, arguments: argparse.Namespace) -> None:

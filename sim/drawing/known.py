@@ -5,11 +5,9 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.control.mapped import Believed
-from pirrht.geometry.footprint import Footprint
 from pirrht.mapping.scan import Scan
 from pirrht.plotting.colors import Color
-from pirrht.plotting.strokes import rings
-from sim.drawing.strokes import CORNERS, at_most
+from sim.drawing.strokes import at_most
 
 OCCUPIED: Color = (16, 18, 22)
 UNKNOWN: Color = (150, 154, 158)
@@ -23,14 +21,6 @@ def shades(known: Believed, free: Color = FREE, unknown: Color = UNKNOWN, occupi
     """Return the colours of the cells of a map, (rows, columns, 3), the uppermost row first."""
     kinds = np.where(known.occupied, 2, known.unknown.astype(np.uint8))
     return np.array([free, unknown, occupied], np.uint8)[kinds[::-1]]
-
-
-def outline_at(footprint: Footprint, pose: Array) -> Array:
-    """Return the closed outline of a robot at x, y, yaw, (k, 2) [m]."""
-    if not footprint.is_disc:
-        return rings(footprint, pose[None])[0]
-    turn = np.linspace(0.0, 2.0 * np.pi, CORNERS)
-    return np.asarray(pose[:2] + footprint.radius * np.column_stack([np.cos(turn), np.sin(turn)]))
 
 
 def seen_area(scan: Scan, rays: int, lower: Array, upper: Array) -> Array:

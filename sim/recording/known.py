@@ -16,7 +16,8 @@ from pirrht.arrays import Array
 from pirrht.control.mapped import Believed
 from pirrht.mapping.scan import Scan
 from pirrht.plotting.colors import blend
-from sim.drawing.known import OCCUPIED, SCAN, UNKNOWN, outline_at, seen_area, shades
+from pirrht.plotting.strokes import rings
+from sim.drawing.known import OCCUPIED, SCAN, UNKNOWN, seen_area, shades
 from sim.drawing.strokes import lift
 from sim.recording.stage import CONTROL, FLOOR
 from sim.recording.subject import Moment, Stream, Subject
@@ -24,7 +25,7 @@ from sim.recording.subject import Moment, Stream, Subject
 RAYS = 120  # of a fan at most
 DARK = blend(UNKNOWN, FLOOR, 0.5)  # unknown cells on the floor
 LOW = 0.05  # height of obstacles of the plan [m]
-PASSED = (*SCAN, 22)  # see-through
+PASSED = (*SCAN, 12)  # see-through
 LOOK = {"radii": 0.012, "colors": [SCAN]}  # of the outline of a robot
 
 
@@ -49,7 +50,7 @@ class Known:
         if subject.space is not self._space:
             self._space = subject.space
             self._obstacles(subject, moment)
-        ring = outline_at(self._scene.body, pose + known.error)
+        ring = rings(self._scene.body, (pose + known.error)[None])[0]
         self._stream.log("/map/robot", *moment, rr.LineStrips2D([_in_cells(known, ring)]))
         if known.error.any():
             self._stream.log("/world/map/robot", *moment, rr.LineStrips3D([lift(ring, 0.04)], **LOOK))
@@ -71,7 +72,9 @@ class Known:
         """Log the map: as a picture, and as the texture of the floor."""
         self._stream.log("/map/cells", *moment, rr.Image(shades(known)))
         dark = shades(known, FLOOR, DARK)
-        size = rr.components.ImageFormat(width=dark.shape[1], height=dark.shape[0], color_model="RGB", channel_datatype="U8")
+        size = rr.components.ImageFormat(
+            width=dark.shape[1], height=dark.shape[0], color_model="RGB", channel_datatype="U8"
+        )
         texture = {"albedo_texture_buffer": dark.tobytes(), "albedo_texture_format": size}
         self._stream.log("/world/map/cells", *moment, rr.Mesh3D.from_fields(**texture))
 
@@ -82,7 +85,9 @@ class Known:
         corners = lift(seen_area(scan, RAYS, known.lower, known.upper), 0.02)
         k = np.arange(1, len(corners) - 1, dtype=np.uint32)
         faces = np.column_stack([np.zeros_like(k), k, k + 1])
-        self._stream.log("/world/map/fan", *moment, rr.Mesh3D.from_fields(vertex_positions=corners, triangle_indices=faces))
+        self._stream.log(
+            "/world/map/fan", *moment, rr.Mesh3D.from_fields(vertex_positions=corners, triangle_indices=faces)
+        )
 
     def _obstacles(self, subject: Subject, moment: Moment) -> None:
         """Log the obstacles that the plan knows, low ones, and numbers of those that paths can turn about."""

@@ -286,19 +286,17 @@ def _drive(subject: Subject) -> rrb.Container:
     eye, target = subject.loaded.overview
     orbit = rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0))
     whole = ("Overview: drag to turn it", orbit) if subject.in_space else ("From above", _tracking(ABOVE))
-    views = [
+    views: list[Any] = [
         _space(name, ["$origin/**", *(f"- {path}" for path in without)], eye, ["/world/path"])
         for name, eye, without in (
             ("With the robot", _tracking(FOLLOWING), ["/world/scene/names", "/world/names", *tags, MARK, ABOVE]),
             (*whole, [FOLLOWING]),
         )
     ]
-    shares = [4.0, 6.0, 2.0]
     if subject.maps:
-        wide, high = subject.space.scene.upper - subject.space.scene.lower
-        views.append(rrb.Spatial2DView(origin="/map", name="What the robot knows", background=[20, 22, 26]))
-        shares.insert(2, float(np.clip(4.0 * wide / high, 1.5, 4.5)))
-    upper = rrb.Horizontal(*views, rrb.TextDocumentView(origin="/key", name="Key"), column_shares=shares)
+        known = rrb.Spatial2DView(origin="/map", name="What the robot knows", background=[20, 22, 26])
+        views = [rrb.Vertical(views[0], known), *views[1:]]
+    upper = rrb.Horizontal(*views, rrb.TextDocumentView(origin="/key", name="Key"), column_shares=[4, 6, 2])
     return rrb.Vertical(upper, rrb.Horizontal(*_words(), column_shares=[5, 3]), row_shares=[5, 3], name="Drive")
 
 
