@@ -48,6 +48,14 @@ class Believed:
     error: Array  # of the pose that the robot believes, x, y [m] and yaw [rad], (3,)
     seconds: float = 0.0  # that new scans took to become a map that plans count with [s]; 0: there were none
 
+    @classmethod
+    def of(cls, grid: OccupancyMap, scan: Scan | None, error: Array) -> "Believed":
+        """Note a map, the last scan in it, and the error of the pose (3,)."""
+        return cls(
+            scan=scan, occupied=grid.occupied, unknown=grid.unknown, lower=grid.lower, cell=grid.cell,
+            error=error.copy(),
+        )  # fmt: skip
+
     @property
     def upper(self) -> Array:
         """Upper corner of the last cell, (2,) [m]."""
@@ -122,12 +130,8 @@ class Mapped(Policy):
     def _note(self, error: Array, examined: float, seconds: float) -> None:
         """Note what is known now, after a map was `examined` and scans were taken in for some seconds."""
         last = self.believed
-        grid = self.map
         if last is None or last.scan is not self._last:
-            last = Believed(
-                scan=self._last, occupied=grid.occupied, unknown=grid.unknown, lower=grid.lower, cell=grid.cell,
-                error=error.copy(), seconds=examined + seconds,
-            )  # fmt: skip
+            last = replace(Believed.of(self.map, self._last, error), seconds=examined + seconds)
         else:
             last = replace(last, seconds=examined)
         self.believed = last
