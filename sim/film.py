@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.control.mapped import Believed
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.mapping.believed import Believed
 from pirrht.plotting.colors import ClassColors, Color, blend, rgb
 from pirrht.plotting.strokes import rings
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, title
@@ -89,7 +89,7 @@ class Film:
                 require(option, "video")
                 if file.suffix.lower() != ending:
                     raise OptionError(f"{option} {file}: the ending must be {ending}")
-        self._panel = Panel(loaded, (wide, high)) if known else None
+        self._panel = Panel(loaded.scene, (wide, high)) if known else None
         wide -= 0 if self._panel is None else self._panel.width
         self._model = model = copy.copy(loaded.model)
         model.vis.global_.offwidth, model.vis.global_.offheight = wide, high

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.mapped import Believed
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
+from pirrht.mapping.believed import Believed
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting import maps
@@ -62,6 +62,7 @@ def draw_plan(
         axes, scene.body, paths, rows, hues, title="class: cost", ncols=1 + "\n".join(rows).count("\n") // HIGH
     )
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
+    when += "; grey is unseen, outlines are what there is" if known is not None else ""
     counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
     axes.set_title(f"{maps.literal(scene.name)}: {counts}", fontsize=10)
     _save(axes, path, "--png")

@@ -6,20 +6,21 @@ numbers and classes their names as far as they go on, and so does what the run k
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
 from time import perf_counter
 from typing import Any, Protocol, cast
 
 import numpy as np
 
-from pirrht.arrays import Array, BoolArray
+from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import SceneError
 from pirrht.geometry.scene import Scene
+from pirrht.mapping.believed import Believed
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
 from pirrht.planner.references import Reference
@@ -34,32 +35,6 @@ class Sensor(Protocol):
 
     def take(self) -> Iterable[Scan]:
         """Return the scans since it was last called."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Believed:
-    """What the robot knew when a plan was made."""
-
-    scan: Scan | None  # the last one
-    occupied: BoolArray  # cells, (rows, columns), the lowest row first
-    unknown: BoolArray  # cells that no ray has passed, (rows, columns)
-    lower: Array  # corner of the first cell, (2,) [m]
-    cell: float  # side of a cell [m]
-    error: Array  # of the pose that the robot believes, x, y [m] and yaw [rad], (3,)
-    seconds: float = 0.0  # that new scans took to become a map that plans count with [s]; 0: there were none
-
-    @classmethod
-    def of(cls, grid: OccupancyMap, scan: Scan | None, error: Array) -> "Believed":
-        """Note a map, the last scan in it, and the error of the pose (3,)."""
-        return cls(
-            scan=scan, occupied=grid.occupied, unknown=grid.unknown, lower=grid.lower, cell=grid.cell,
-            error=error.copy(),
-        )  # fmt: skip
-
-    @property
-    def upper(self) -> Array:
-        """Upper corner of the last cell, (2,) [m]."""
-        return np.asarray(self.lower + self.cell * np.array(self.unknown.shape[::-1]))
 
 
 class Mapped(Policy):
@@ -106,6 +81,11 @@ class Mapped(Policy):
         self._version = 0
         self.controller.update(self._bare, self._vertices or None)
         self.controller.begin(x, time)
+
+    def go_on(self, before: "Mapped") -> None:
+        """Continue in the map of another policy, among the same obstacles; call it after `begin`."""
+        self.map = before.map
+        self._last = before._last
 
     def see(self, scan: Scan) -> None:
         """Add a scan to the map; the next plan counts with it."""

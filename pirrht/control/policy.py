@@ -4,7 +4,6 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from numbers import Real
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +16,10 @@ from pirrht.control.settings import TimeBudget
 from pirrht.errors import OptionError, refuse_unless_positive
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
+from pirrht.mapping.believed import Believed
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.signature import Signature, class_id
-
-if TYPE_CHECKING:
-    from pirrht.control.mapped import Believed
 
 
 class Policy(ABC):
@@ -33,7 +30,7 @@ class Policy(ABC):
     tree: HomologyTree | None = None  # None: it needs none
     predict: ConstantVelocity | None = None  # None: motions are known
     run: RunState  # of the run under way
-    believed: "Believed | None" = None  # what the last plan rests on; None: the scene is known
+    believed: Believed | None = None  # what the last plan rests on; None: the scene is known
 
     @property
     def problem(self) -> Problem:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.control.mapped import Believed
+from pirrht.mapping.believed import Believed
 from pirrht.mapping.scan import Scan
 from pirrht.plotting.colors import Color
 from sim.drawing.strokes import at_most

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.mapped import Believed
+from pirrht.geometry.scene import Scene
+from pirrht.mapping.believed import Believed
 from pirrht.plotting.colors import Color, blend
 from pirrht.plotting.strokes import rings
 from sim.drawing.colors import DRIVEN
 from sim.drawing.known import SCAN, Shades, shades
 from sim.drawing.strokes import at_most
-from sim.mjcf import Loaded
 
 MOST = 0.5  # share of a picture that is the panel's at most
 FINER = 2  # times as many pixels are drawn, and averaged
@@ -26,8 +26,7 @@ DOT, THIN, THICK = 1.6, 1.5, 3.0  # of the scan, references, path and robot [px]
 class Panel:
     """Draws panels at the right of pictures of a size, width and height, as wide as the map asks for."""
 
-    def __init__(self, loaded: Loaded, size: tuple[int, int]) -> None:
-        scene = loaded.scene
+    def __init__(self, scene: Scene, size: tuple[int, int]) -> None:
         self._body, self._goal = scene.body, scene.goal
         wide, high = scene.upper - scene.lower
         self.width = 2 * round(0.5 * min(MOST * size[0], size[1] * wide / high))

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.mapped import Believed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.run_state import RunState
@@ -29,6 +28,7 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
+from pirrht.mapping.believed import Believed
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.driven import Driven

@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 
 from pirrht.arrays import Array
-from pirrht.control.mapped import Believed
+from pirrht.mapping.believed import Believed
 from pirrht.mapping.scan import Scan
 from pirrht.plotting.colors import blend
 from pirrht.plotting.strokes import rings

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from pirrht.arrays import Array
-from pirrht.control.mapped import Believed
 from pirrht.freespace import FreeSpace
+from pirrht.mapping.believed import Believed
 from pirrht.mapping.occupancy import OccupancyMap
 from sim.drive.executor import Executor
 from sim.scenario.scenario import Scenario
