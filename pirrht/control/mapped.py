@@ -157,10 +157,11 @@ class Mapped(Policy):
 
 def shifted(plan: Plan, error: Array) -> Plan:
     """Return a plan for states (n,) that the robot believes to be off by an error (n,)."""
-    law = plan.law
-    if law is None or not error.any():
+    if not error.any():
         return plan
-    return replace(plan, law=lambda x, s: law(x + error, s))
+    law = plan.law
+    moved = None if law is None else lambda x, s: law(x + error, s)
+    return replace(plan, state=plan.state - error, law=moved)
 
 
 def immediately(work: Callable[[], Any]) -> "Future[Any]":
