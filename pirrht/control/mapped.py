@@ -27,7 +27,7 @@ from pirrht.planner.references import Reference
 
 
 class Sensor(Protocol):
-    """What a robot senses."""
+    """Senses of a robot."""
 
     @property
     def error(self) -> Array:

@@ -11,7 +11,7 @@ from pirrht.mapping.scan import Scan
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Believed:
-    """What the robot knew when a plan was made."""
+    """Note what the robot knew when a plan was made."""
 
     scan: Scan | None  # the last one
     occupied: BoolArray  # cells, (rows, columns), the lowest row first
