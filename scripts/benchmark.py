@@ -8,6 +8,7 @@
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py effective   effective samples of all plans of drives: six robots, scenes, worlds of BARN
     python scripts/benchmark.py barn --known   success, time and score of a Jackal in 50 worlds of BARN, or --worlds
+    python scripts/benchmark.py sensing     rooms driven with a lidar: time of a map's update, classes that change
     python scripts/benchmark.py worst       where their 30 (--plans) weakest plans lose these, and what is to blame
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
     python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
@@ -46,7 +47,7 @@ PARTS = {
 }
 TABLES = (
     *("speed", "first-run", "obstacles", "maps", "presets", "roadmap"),
-    *("effective", "barn", "worst", "quality", "calibration", "risk", "mass"),
+    *("effective", "barn", "sensing", "worst", "quality", "calibration", "risk", "mass"),
 )
 
 

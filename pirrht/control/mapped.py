@@ -4,11 +4,11 @@ What nobody has seen counts as free. A new map changes the scene as `Controller.
 numbers and classes their names as far as they go on, and so does what the run knows of them.
 """
 
+import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from operator import attrgetter
-from time import perf_counter
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -19,7 +19,6 @@ from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import SceneError
-from pirrht.geometry.scene import Scene
 from pirrht.mapping.believed import Believed
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
@@ -45,6 +44,7 @@ class Mapped(Policy):
         cell: side of a cell of the map [m].
         sensor: has scans, by which plans begin, and the error of the believed pose; None: `see` is called.
         unknown: price of a metre of a reference that nobody has seen [cost/m].
+        clock: tells the time by which the work on maps is measured [s].
         background: new maps are examined while the robot drives on by the last; False: before the next plan.
     """
 
@@ -54,18 +54,19 @@ class Mapped(Policy):
 
     def __init__(
         self, controller: Controller, *, cell: float = 0.05, sensor: Sensor | None = None, unknown: float = 0.0,
-        background: bool = False,
+        background: bool = False, clock: Callable[[], float] = time.perf_counter,
     ) -> None:  # fmt: skip
         self.controller = controller
         self.cell = cell
         self.sensor = sensor
         self.unknown = unknown
+        self.clock = clock
         self.map = self._empty()
 
         self._bare = replace(controller.problem.scene, obstacles=())
         self._vertices = 0 if controller.tree is None else controller.tree.size
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="mapper") if background else None
-        self._pending: Future[tuple[Renewed | None, float]] | None = None
+        self._pending: Future[Renewed | None] | None = None
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
         controller.surcharge = self._surcharge if unknown > 0.0 else None
@@ -94,7 +95,7 @@ class Mapped(Policy):
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,) among what is known; see `Controller.plan`."""
-        began = perf_counter()
+        began = self.clock()
         error = np.zeros(len(x))
         pose = np.zeros(3)
         if self.sensor is not None:
@@ -103,52 +104,33 @@ class Mapped(Policy):
             reads = [*self.problem.dynamics.reads(True)]
             pose = self.sensor.error
             error[reads] = pose[: len(reads)]
-        examined = self._renew()
-        self._note(pose, examined, perf_counter() - began)
-        return shifted(self.controller.plan(x + error, left), error)
-
-    def _note(self, error: Array, examined: float, seconds: float) -> None:
-        """Note what is known now, after a map was `examined` and scans were taken in for some seconds."""
+        self._renew()
         last = self.believed
         if last is None or last.scan is not self._last:
-            last = replace(Believed.of(self.map, self._last, error), seconds=examined + seconds)
-        else:
-            last = replace(last, seconds=examined)
-        self.believed = last
+            last = Believed.of(self.map, self._last, pose)
+        self.believed = replace(last, seconds=self.clock() - began)
+        return shifted(self.controller.plan(x + error, left), error)
 
-    def _renew(self) -> float:
-        """Continue in the newest map that is examined, and have the next one examined.
-
-        Return how long that was examined in the background [s].
-        """
-        took = 0.0
+    def _renew(self) -> None:
+        """Continue in the newest map that is examined, and have the next one examined."""
         pool = self._pool if self.run.planned else None
         if self._pending is not None and (pool is None or self._pending.done()):
-            took = self._adopt(self._pending)
+            self._adopt(self._pending)
         if self._pending is None and self.map.version != self._version:
             self._version = self.map.version
             scene = self.map.scene(self._bare)
             if pool is None:
-                self._adopt(immediately(lambda: self._examined(scene)))
+                self._adopt(immediately(lambda: self.controller.renewed(scene, self._vertices or None)))
             else:
-                self._pending = pool.submit(self._examined, scene)
-        return took
+                self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
 
-    def _examined(self, scene: Scene) -> tuple[Renewed | None, float]:
-        """Examine a map; return also how long that took [s]."""
-        began = perf_counter()
-        new = self.controller.renewed(scene, self._vertices or None)
-        return new, perf_counter() - began
-
-    def _adopt(self, examined: "Future[tuple[Renewed | None, float]]") -> float:
-        """Continue in a map; in the last one, if the goal is covered in it. Return how long it was examined [s]."""
+    def _adopt(self, examined: "Future[Renewed | None]") -> None:
+        """Continue in a map; in the last one, if the goal is covered in it."""
         self._pending = None
         try:
-            new, seconds = examined.result()
-            self.controller.adopt(new)
+            self.controller.adopt(examined.result())
         except SceneError:
-            return 0.0
-        return seconds
+            return
 
     def _surcharge(self, reference: Reference) -> float:
         """Price what nobody has seen of a reference [cost]."""

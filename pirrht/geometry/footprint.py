@@ -209,8 +209,8 @@ def cover(footprint: Footprint, excess: float) -> Array:
     """
     if footprint.is_disc:
         return np.array([[0.0, 0.0, footprint.rounding]])
-    discs = _covering(tuple(map(tuple, footprint.hull.tolist())), excess)
-    discs = discs + np.array([0.0, 0.0, footprint.rounding])
+    discs: Array = _covering(tuple(map(tuple, footprint.hull.tolist())), excess).copy()
+    discs[:, 2] += footprint.rounding
     return discs[np.argsort(-discs[:, 2], kind="stable")]
 
 

@@ -19,7 +19,7 @@ class Believed:
     lower: Array  # corner of the first cell, (2,) [m]
     cell: float  # side of a cell [m]
     error: Array  # of the pose that the robot believes, x, y [m] and yaw [rad], (3,)
-    seconds: float = 0.0  # that new scans took to become a map that plans count with [s]; 0: there were none
+    seconds: float = 0.0  # that scans, map and what follows from it took before the plan [s]
 
     @classmethod
     def of(cls, grid: OccupancyMap, scan: Scan | None, error: Array) -> "Believed":

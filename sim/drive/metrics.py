@@ -256,7 +256,8 @@ class EpisodeMetrics:
                 parts = () if plan.estimate is None else plan.estimate.parts
                 self._ready.append((sum(part.size for part in parts), made.slack))
         self.plan_seconds.append(made.plan_seconds)
-        if made.believed is not None and made.believed.seconds > 0.0:
+        if made.believed is not None and (last is None or last.believed is None or
+                                          made.believed.scan is not last.believed.scan):  # fmt: skip
             self.map_seconds.append(made.believed.seconds)
         self.deadline_misses += missed
         if outcome is not None:
@@ -335,7 +336,7 @@ class EpisodeMetrics:
 
     @property
     def map_ms(self) -> dict[str, Any] | None:
-        """Wall time in which scans become a map that plans count with [ms]; None of a scene that is known."""
+        """Wall time that new scans, their map and what follows from it took before a plan [ms]; None of a scene that is known."""
         return _percentiles(1e3 * np.array(self.map_seconds), median=50, p99=99, max=100) if self.map_seconds else None
 
     @property
