@@ -29,6 +29,7 @@ from pirrht.estimation.risk import CollisionProbability
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.mapping.believed import Believed
+from pirrht.mapping.scan import Scan
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.driven import Driven
@@ -209,6 +210,7 @@ class EpisodeMetrics:
         self.first_plan: Plan | None = None
         self.plan_seconds: list[float] = []  # wall time of each [s]
         self.map_seconds: list[float] = []  # of it for new maps, of plans that had one [s]
+        self._scan: Scan | None = None  # the last one
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
         self._off: list[Array] = []  # states less those of the equation alone, after periods
@@ -256,9 +258,9 @@ class EpisodeMetrics:
                 parts = () if plan.estimate is None else plan.estimate.parts
                 self._ready.append((sum(part.size for part in parts), made.slack))
         self.plan_seconds.append(made.plan_seconds)
-        if made.believed is not None and (last is None or last.believed is None or
-                                          made.believed.scan is not last.believed.scan):  # fmt: skip
-            self.map_seconds.append(made.believed.seconds)
+        if (known := made.believed) is not None and known.scan is not self._scan:
+            self._scan = known.scan
+            self.map_seconds.append(known.seconds)
         self.deadline_misses += missed
         if outcome is not None:
             self.outcome = outcome.name.lower()
@@ -336,7 +338,7 @@ class EpisodeMetrics:
 
     @property
     def map_ms(self) -> dict[str, Any] | None:
-        """Wall time that new scans, their map and what follows from it took before a plan [ms]; None of a scene that is known."""
+        """Wall time that new scans and their map took before a plan [ms]; None of a scene that is known."""
         return _percentiles(1e3 * np.array(self.map_seconds), median=50, p99=99, max=100) if self.map_seconds else None
 
     @property
