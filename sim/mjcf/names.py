@@ -13,13 +13,18 @@ SPARE = "a wall"  # name of a solid of the border that has none of its own
 
 
 def names_of(loaded: Loaded, space: FreeSpace) -> tuple[str, ...]:
-    """Name each topological obstacle that paths can turn about: by words that its solids share, or by one of them."""
+    """Name each topological obstacle that paths can turn about: by words that its solids share, or by one of them.
+
+    One that is gone from a map has its number left.
+    """
     solids = names_of_solids(loaded, space)
     places = np.array([obstacle.position[: space.scene.dimension] for obstacle in space.scene.obstacles])
-    pairs = zip(space.obstacles, space.homology.markers, strict=True)
-    nearest = (min(part.members, key=lambda i: float(np.hypot.reduce(places[i] - at))) for part, at in pairs)
+    found = []
+    for k, (part, at) in enumerate(zip(space.obstacles, space.homology.markers, strict=True), 1):
+        near = min(part.members, key=lambda i: float(np.hypot.reduce(places[i] - at)), default=None)
+        found.append(f"obstacle {k}" if near is None else solids[near])
     loops = [[n for n in part.names if n != WORKSPACE] if isinstance(part, Loop) else [] for part in space.obstacles]
-    return tuple((len(loop) > 1 and shared(loop)) or solids[i] for loop, i in zip(loops, nearest, strict=True))
+    return tuple((len(loop) > 1 and shared(loop)) or name for loop, name in zip(loops, found, strict=True))
 
 
 def names_of_solids(loaded: Loaded, space: FreeSpace) -> tuple[str, ...]:

@@ -97,8 +97,9 @@ class Known:
         middles = lift(np.array([solid.position[:2] for solid in solids]).reshape(-1, 2), 0.5 * LOW)
         boxes = {"centers": middles, "half_sizes": sizes}
         self._stream.log("/world/map/obstacles", *moment, rr.Boxes3D.from_fields(**boxes))
-        markers = lift(subject.space.homology.markers, 0.1)
-        texts = [str(k) for k in range(1, len(markers) + 1)]
+        there = [k for k, part in enumerate(subject.space.obstacles) if part.members]  # others are gone
+        markers = lift(subject.space.homology.markers[there], 0.1)
+        texts = [str(k + 1) for k in there]
         look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
         self._stream.log("/world/map/numbers", *moment, rr.Points3D(markers, labels=texts, **look))
 

@@ -91,7 +91,8 @@ class Subject:
     def stream(self) -> Stream:
         """Begin a stream; equal are application ids of equal layouts, and recording ids of equal settings and seed."""
         scene, truth = self.space.scene.name, ("truth",) if self.look.truth else ()
-        application = " ".join(map(str, ("pirrht", scene, *truth, *(k + 1 for k in self.lift))))
+        known = ("lidar",) if self.maps else ()
+        application = " ".join(map(str, ("pirrht", scene, *truth, *known, *(k + 1 for k in self.lift))))
         text = json.dumps(dict(self.settings), sort_keys=True, default=str)
         return Stream(application, f"{scene}-{hashlib.sha256(text.encode()).hexdigest()[:12]}")
 

@@ -1,6 +1,7 @@
 """What a robot with a lidar knows: in recordings, pictures, words and JSON, whatever the scene is really like."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from sim.cli.fields import RUN
 from sim.drawing.known import FREE as WHITE
 from sim.drawing.known import OCCUPIED, SCAN, UNKNOWN, seen_area, shades
 from sim.drawing.map_panel import GROUND, Panel
-from sim.mjcf.names import names_of_solids
+from sim.mjcf.names import names_of, names_of_solids
 from sim.recording.recorder import Look, Recorder, Sinks
 from sim.result import run_json
 from sim.scenario import prepare
@@ -47,6 +48,13 @@ def test_the_first_scan_shows_walls_as_obstacles_that_bear_numbers_for_names(see
     assert known.unknown.any()
     assert not (known.unknown & known.occupied).any()
     assert scenario.space.clearance(scenario.start) > 0.0
+
+
+def test_obstacles_that_are_gone_from_a_map_keep_their_numbers(seen):
+    scenario, _ = seen
+    gone = scenario.space.updated(replace(scenario.space.scene, obstacles=()))
+    assert gone.obstacles
+    assert names_of(scenario.loaded, gone) == scenario.names
 
 
 def test_a_scene_that_is_known_stays_as_it_is():
