@@ -20,7 +20,7 @@ from pirrht.systems.dynamics import Dynamics
 class GovernorTuning(NamedTuple):
     """Numbers of the governor."""
 
-    lag: float = 0.12  # time until brakes act: a command passes motor controllers, and plans are a period old [s]
+    lag: float = 0.2  # time until brakes act: wheels are not at the speed that was commanded, and plans are old [s]
     every: float = 0.02  # time for which a share is kept [s]
     spacing: float = 0.04  # of the poses on the way that are judged [m]
     shares: tuple[float, ...] = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1)  # of the control that are tried
@@ -50,7 +50,7 @@ class Governor:
     def _gain(self, x: Array) -> Array:
         """Return how controls move the place (d, m) [m/s per control]."""
         d = self.dynamics
-        return np.asarray(d.noise_form(x)[0][: len(d.position)])
+        return np.asarray(d.G_c(x)[: len(d.position)])
 
     def stops(self, x: Array, u: Array) -> bool:
         """Return whether a robot at state x (n,) that drives under a control (m,) meets nothing before it stands."""
