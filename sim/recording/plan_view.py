@@ -58,11 +58,15 @@ class Pictures:
         self._reached = 0.0  # until when there are tubes [s]
         self._words = dict[str, str]()  # of ways in space, by class
 
-    def draw(self, plan: Plan, path_integral: PathIntegral | None, step: int, time: float) -> Subject:
-        """Log a plan of a sampler at a step and simulated time [s]; return its context."""
-        self._now = step, time
+    def enter(self, path_integral: PathIntegral | None) -> Subject:
+        """Return the context of the next plans, which a sampler made; None: the one before."""
         if path_integral is not None and path_integral is not self._subject.path_integral:
             self._subject = self._first.among(path_integral)
+        return self._subject
+
+    def draw(self, plan: Plan, step: int, time: float) -> None:
+        """Log a plan at a step and simulated time [s]."""
+        self._now = step, time
         subject, weights = self._subject, plan.estimate.class_weights if plan.estimate else {}
         lines = [
             at_most(r.trajectory.points[:, : subject.space.scene.dimension], REFERENCE_POINTS) for r in plan.references
@@ -92,7 +96,6 @@ class Pictures:
             self._strips("/world/foreseen", [placed(one.ring, 0.03) for one in later], _paler(later), 0.008)
         if subject.in_time:
             self._draw_in_time(plan, fans, labels)
-        return subject
 
     def _label(self, path: str, labels: Mapping[str, str], plan: Plan, lines: Sequence[Array | Floats]) -> None:
         """Log the labels of classes on their lines (k, 2) or (k, 3) [m]."""

@@ -143,7 +143,8 @@ class Writer:
                 self.stream.log("/log", *row.moment, rr.TextLog(line, level="INFO"))
             if row.plan is None:
                 continue
-            subject = self._pictures.draw(row.plan, row.path_integral, *row.moment)
+            subject = self._pictures.enter(row.path_integral)
+            self._pictures.draw(row.plan, *row.moment)
             if row.believed is not None:
                 self._known.draw(row.believed, subject, self._adapter.poses(row.states[:1])[0], row.moment)
 
