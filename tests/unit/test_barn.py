@@ -33,3 +33,12 @@ def test_a_world_has_its_cylinders_start_and_length(tmp_path):
     np.testing.assert_allclose([*scene.lower, *scene.upper, *scene.start], [0.0, 0.0, 4.5, 14.5, *START])
     np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], [2.25, 13.0, 1.0])
     assert (barn.length("0"), barn.length("30")) == pytest.approx((13.5923, 11.8459), abs=1e-3)
+
+
+@NEEDS_WORLDS
+def test_without_its_map_a_world_is_driven_with_a_lidar_and_faster():
+    sensed = barn.Run("0", 3, known=False, method="mppi").scenario()
+    s = sensed.settings
+    assert (s.sense, s.speed, sensed.margin, s.seed, s.method) == ("lidar", 1.4, 0.03, 3, "mppi")
+    assert not sensed.space.scene.obstacles
+    assert len(sensed.loaded.scene.obstacles) == 209
