@@ -15,6 +15,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.baselines import Mppi
+from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.controller import Controller
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
@@ -64,12 +65,14 @@ class Mapped(Policy):
         self.clock = clock
         self.map = self._empty()
 
+        self._brake = Brake(problem=controller.problem)
         self._bare = replace(controller.problem.scene, obstacles=())
         self._vertices = 0 if controller.tree is None else controller.tree.size
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="mapper") if background else None
         self._pending: Future[Renewed | None] | None = None
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
+        self._covered = False  # whether no place of the goal is free in it
         if isinstance(controller, Controller):
             controller.surcharge = self._surcharge if unknown > 0.0 else None
 
@@ -82,6 +85,7 @@ class Mapped(Policy):
         self._pending = self._last = self.believed = None
         self.map = self._empty()
         self._version = 0
+        self._covered = False
         self.controller.update(self._bare, self._vertices or None)
         self.controller.begin(x, time)
 
@@ -111,6 +115,8 @@ class Mapped(Policy):
         if last is None or last.scan is not self._last:
             last = Believed.of(self.map, self._last, pose)
         self.believed = replace(last, seconds=self.clock() - began)
+        if self._covered:
+            return shifted(blocked_plan(self._brake, x + error, self.run, self.space, "no reference"), error)
         return shifted(self.controller.plan(x + error, left), error)
 
     def _renew(self) -> None:
@@ -127,12 +133,13 @@ class Mapped(Policy):
                 self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
 
     def _adopt(self, examined: "Future[Renewed | None]") -> None:
-        """Continue in a map; in the last one, if the goal is covered in it."""
+        """Continue in a map, or wait until another one if the goal is covered in it."""
         self._pending = None
         try:
             self.controller.adopt(examined.result())
+            self._covered = False
         except SceneError:
-            return
+            self._covered = True
 
     def _surcharge(self, reference: Reference) -> float:
         """Price what nobody has seen of a reference [cost]."""
