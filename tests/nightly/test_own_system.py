@@ -18,23 +18,16 @@ WIND = ("--system", "wind:BALLOON")
 TUG = ("--robot", "tug.xml", "--system", "tug:TUG")
 SCOOTER = ("--robot", "unicycle", "--system", "scooter:SCOOTER")
 ALL = [BOAT, *(thorough(words, id=words[-1].partition(":")[0]) for words in (WIND, TUG, SCOOTER))]  # 30 s of kernels
-SYSTEM = """
-from sim.systems import System
-
-BOAT = System(
-    name="boat", dynamics=lambda settings: Boat(), steering=lambda problem: GroundTrack(), R=2 * np.eye(2), heeds=()
-)
-"""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the examples, with the boat's hull and a module with its classes and its system."""
+    """A copy of the examples, with the boat's hull and a module of its system."""
     folder = Path(shutil.copytree(EXAMPLES, tmp_path_factory.mktemp("own") / "examples"))
-    classes = next(text for text in re.findall(r"```python\n(.*?)```", PAGE, re.S) if "class Boat" in text)
+    system = "\n".join(re.findall(r"```python\n(.*?)```", PAGE, re.S)[::2])  # the balloon, and the boat that drifts so
     hull = next(text for text in re.findall(r"```xml\n(.*?)```", PAGE, re.S) if 'model="boat"' in text)
     (folder / "boat.xml").write_text(hull)
-    (folder / "moor.py").write_text(classes[: classes.index("loaded = load(")] + SYSTEM)
+    (folder / "moor.py").write_text(system.replace("from balloon import Balloon\n", ""))
     return folder
 
 
@@ -49,11 +42,16 @@ def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(fo
     assert "was made with --system moor:BOAT and this sweep is without --system" in told
 
 
+@pytest.mark.thorough
+def test_a_boat_arrives(folder):
+    assert reported(folder, "run", "slit", *BOAT, "--vertices", "600", "--seed", "1")["outcome"] == "goal"
+
+
 @pytest.mark.parametrize(
     ("line", "wrong", "words"),
     [
         ("= p[0], p[1]", "= p[0], q[0]", "drift(x, p, out) fails at x = [0.0, 0.0] with an out of (2,) (NameError"),
-        ("= p[0], p[1]", "= p[0], np.nan", "drift(x, p, out) writes [0.0, nan]"),
+        ("= p[0], p[1]", "= p[0], np.nan", "drift(x, p, out) writes [0.15, nan]"),
         ("return rng.uniform(", "return sea.uniform(", "in sample: NameError: name 'sea' is not defined; fix it"),
     ],
 )
