@@ -112,6 +112,10 @@ class Controller(Policy):
         OptionError: x is no state. NoReference: no class reaches the goal, and there is no earlier plan to go on with;
         SceneError if that is since x lies in an obstacle.
         """
+        return self._governed(self._decided(x, left))
+
+    def _decided(self, x: Array, left: Callable[[], float] | None) -> Plan:
+        """Return the plan of `plan`, whatever the brakes."""
         run, settings, x = self.run, self.settings, self._state(x)
         self._update_prediction(x, TimeBudget(left, settings.tuning))
         gap = settings.tuning.off_walls * self.space.scene.robot_radius
@@ -127,13 +131,13 @@ class Controller(Policy):
             self.space.refuse_start(x)
             raise
         if settings.use.pursues:
-            return self._governed(pursuing(self.path_integral, x, references[0], run, settings))
+            return pursuing(self.path_integral, x, references[0], run, settings)
         # line 4: u <- PathIntegral(x_cur, U_in)
         draft = self.proposals.draft(x, references, run, budget)
         batch, estimate = self.proposals.estimate(draft, int(self.rng.integers(2**63)), run, budget)
         if estimate is None:
             return blocked_plan(self.brake, x, run, self.space, "no survivor", batch, references)
-        return self._governed(plan_of(self.path_integral, batch, references, estimate, run, settings))
+        return plan_of(self.path_integral, batch, references, estimate, run, settings)
 
     def _governed(self, plan: Plan) -> Plan:
         return governed(plan, self.problem.dynamics, self.space.static, self.deceleration)

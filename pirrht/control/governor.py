@@ -89,11 +89,8 @@ class GovernedLaw:
 
 
 def governed(plan: Plan, dynamics: Dynamics, static: Space, deceleration: float) -> Plan:
-    """Return a plan whose controls keep to speeds from which the robot can stop; a deceleration of 0 is none [m/s^2].
-
-    What brakes already, a fallback with a law, stays as it is.
-    """
-    if deceleration <= 0.0 or (plan.fallback is not None and plan.law is not None):
+    """Return a plan whose controls keep to speeds from which the robot can stop; a deceleration of 0 is none [m/s^2]."""
+    if deceleration <= 0.0:
         return plan
     governor = Governor(dynamics=dynamics, static=static, deceleration=deceleration)
     return replace(plan, law=GovernedLaw(plan.law or plan.at, governor))
