@@ -78,7 +78,7 @@ def test_a_governed_law_keeps_a_share_for_a_while_and_is_the_law_where_nothing_i
 
 
 @pytest.mark.parametrize(("x", "least"), [(1.0, 2.0), (3.1, 0.5), (3.6, 0.0)])
-def test_a_plan_whose_control_is_held_is_governed_too_but_no_brake(x: float, least: float):
+def test_a_plan_whose_control_is_held_is_governed_too_and_a_fallback(x: float, least: float):
     g = governor()
     held = Plan(
         state=np.array([1.0, 2.0, 0.0]), times=np.array([0.0, 0.1]), instead=np.array([[2.0, 0.0]]), references=(),
@@ -87,6 +87,7 @@ def test_a_plan_whose_control_is_held_is_governed_too_but_no_brake(x: float, lea
     speed = governed(held, g.dynamics, g.static, DECELERATION).at(np.array([x, 2.0, 0.0]), 0.0)[0]
     assert least <= speed <= 2.0
     assert speed * LAG + speed**2 / (2.0 * DECELERATION) <= 3.8 - x
-    brakes = replace(held, fallback="no survivor", law=lambda x, s: np.zeros(2))
+    flees = replace(held, fallback="no survivor", law=lambda x, s: np.array([3.0, 0.0]))
     assert governed(held, g.dynamics, g.static, 0.0) is held
-    assert governed(brakes, g.dynamics, g.static, DECELERATION) is brakes
+    fled = governed(flees, g.dynamics, g.static, DECELERATION).at(np.array([x, 2.0, 0.0]), 0.0)[0]
+    assert fled * LAG + fled**2 / (2.0 * DECELERATION) <= 3.8 - x
