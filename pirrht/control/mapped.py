@@ -1,11 +1,12 @@
 """Drive without a map: a controller among what a lidar has shown so far.
 
-What nobody has seen counts as free. A new map changes the scene as `Controller.update` does: obstacles keep their
+What nobody has seen counts as free. What moves is no part of the map: in the scene it stands wherever it and the robot
+may be at the same time soon (`mapping.swept`). A new map changes the scene as `Controller.update` does: obstacles keep their
 numbers and classes their names as far as they go on, and so does what the run knows of them.
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -19,8 +20,12 @@ from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import SceneError
+from pirrht.geometry.scene import Scene, height_of_walls
+from pirrht.geometry.solids import discs
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
+from pirrht.mapping.swept import swept
+from pirrht.mapping.tracks import Track, Tracks
 from pirrht.planner.references import Reference
 
 
@@ -42,6 +47,7 @@ class Believed:
     scan: Scan | None  # the last one
     occupied: np.ndarray[Any, np.dtype[np.bool_]]  # cells, (rows, columns), the lowest row first
     unknown: np.ndarray[Any, np.dtype[np.bool_]]  # cells that no ray has passed, (rows, columns)
+    tracks: tuple[Track, ...]  # what moves
     seconds: float  # that scans, map and what follows from it took before the plan [s]
 
 
@@ -72,13 +78,16 @@ class Mapped(Policy):
         self.clock = clock
         self.believed: Believed | None = None
         self.map = self._empty()
+        self.tracks = Tracks()
 
         self._bare = replace(controller.problem.scene, obstacles=())
         self._vertices = 0 if controller.tree is None else controller.tree.size
+        self._pace = 1.0 if controller.tree is None else float(controller.tree.steering.pace)  # [m/s]
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="mapper") if background else None
         self._pending: Future[Renewed | None] | None = None
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
+        self._swept = False  # whether things that move were in its scene
         controller.surcharge = self._surcharge if unknown > 0.0 else None
 
     def _empty(self) -> OccupancyMap:
@@ -89,13 +98,15 @@ class Mapped(Policy):
         """Forget the run so far and its map; a new one starts at x (n,), at a time [s]."""
         self._pending = None
         self.map = self._empty()
+        self.tracks = Tracks()
         self._version = 0
         self.controller.update(self._bare, self._vertices or None)
         self.controller.begin(x, time)
 
     def see(self, scan: Scan) -> None:
         """Add a scan to the map; the next plan counts with it."""
-        self.map.integrate(scan, free_around=self.space.scene.footprint.inscribed)
+        passing = self.tracks.see(scan, self.map)
+        self.map.integrate(scan, free_around=self.space.scene.footprint.inscribed, passing=passing)
         self._last = scan
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
@@ -107,24 +118,34 @@ class Mapped(Policy):
                 self.see(scan)
             reads = [*self.problem.dynamics.reads(True)]
             error[reads] = self.sensor.error[: len(reads)]
-        self._renew()
+        self._renew(self.problem.dynamics.place(x + error))
         self.believed = Believed(
-            scan=self._last, occupied=self.map.occupied, unknown=self.map.unknown, seconds=self.clock() - began
-        )
+            scan=self._last, occupied=self.map.occupied, unknown=self.map.unknown, tracks=(*self.tracks.moving,),
+            seconds=self.clock() - began,
+        )  # fmt: skip
         return shifted(self.controller.plan(x + error, left), error)
 
-    def _renew(self) -> None:
+    def _renew(self, place: Array) -> None:
         """Continue in the newest map that is examined, and have the next one examined."""
         pool = self._pool if self.run.planned else None
         if self._pending is not None and (pool is None or self._pending.done()):
             self._adopt(self._pending)
-        if self._pending is None and self.map.version != self._version:
+        moving = self.tracks.moving
+        if self._pending is None and (self.map.version != self._version or moving or self._swept):
             self._version = self.map.version
-            scene = self.map.scene(self._bare)
+            self._swept = bool(moving)
+            scene = self._scene(moving, place)
             if pool is None:
                 self._adopt(immediately(lambda: self.controller.renewed(scene, self._vertices or None)))
             else:
                 self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
+
+    def _scene(self, moving: Sequence[Track], place: Array) -> Scene:
+        """Return the scene of the map, and of what moves as it concerns a robot at a place (2,) [m]."""
+        scene = self.map.scene(self._bare)
+        footprint = scene.footprint
+        rows = swept(moving, place, self.run.clock.time - self.tracks.time, self._pace, footprint.inscribed)
+        return replace(scene, obstacles=(*scene.obstacles, *discs(rows, height_of_walls(scene.robot_height))))
 
     def _adopt(self, examined: "Future[Renewed | None]") -> None:
         """Continue in a map; in the last one, if the goal is covered in it."""
