@@ -91,7 +91,11 @@ class Tracks:
         new = grid.surprises(points)
         expected = [one.predicted(dt, tuning.agility) for one in self.known]
         owner = self._owners(expected, points, new)
-        found = [self._seen(one, scan, rays[owner == k], points[owner == k]) for k, one in enumerate(expected)]
+        found = list[Track]()
+        for k, one in enumerate(expected):
+            own = owner == k
+            certain = np.count_nonzero(own) >= 2 and new[own].mean() >= tuning.new
+            found.append(self._seen(one, scan, rays[own], points[own]) if certain else one)
         born = self._born(scan, rays, points, new & (owner < 0), found)
 
         passing = np.zeros(len(scan.ranges), dtype=np.bool_)
@@ -119,8 +123,6 @@ class Tracks:
     def _seen(self, one: Track, scan: Scan, rays: IntArray, points: Array) -> Track:
         """Return a track after a scan that showed it by some rays (h,), whose hits are (h, 2) [m]."""
         tuning = self.tuning
-        if len(rays) < 2:
-            return one
         radius, outlines = one.radius, one.outlines
         whole = self._width(scan, rays)
         if whole is not None:
@@ -174,12 +176,9 @@ class Tracks:
         born = list[Track]()
         for number in np.unique(cluster[fresh]):
             some = np.flatnonzero(cluster == number)
-            if np.count_nonzero(new[some]) < tuning.fewest:
+            wide = np.hypot(*(points[some[-1]] - points[some[0]])) > tuning.widest
+            if wide or np.count_nonzero(new[some]) < max(tuning.fewest, tuning.new * len(some)):
                 continue
-            if np.hypot(*(points[some[-1]] - points[some[0]])) > tuning.widest:
-                some = some[new[some]]
-                if np.hypot(*(points[some[-1]] - points[some[0]])) > tuning.widest:
-                    continue
             whole = self._width(scan, rays[some])
             radius = tuning.first if whole is None else whole
             middle = points[some].mean(axis=0)

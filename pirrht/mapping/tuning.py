@@ -24,6 +24,7 @@ class TrackTuning(NamedTuple):
 
     gap: float = 0.2  # between neighbouring hits of one thing, at most [m]
     fewest: int = 3  # hits of a thing that is noticed
+    new: float = 0.3  # share of its hits that are where it had been free, at least
     widest: float = 1.6  # thing that is tracked [m]
     least: float = 0.1  # radius, at least [m]
     first: float = 0.3  # radius while it is not all in view [m]

@@ -7,6 +7,7 @@ those of a folder next to the repository. With --json each run is written too.
 
 import argparse
 import json
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ ACROSS = 4.5  # by which x is more than that of the files [m]
 RADIUS = 0.075  # of the cylinders [m]
 FASTEST = 2.0  # speed of the best time [m/s]
 MOVED = 0.1  # way until the clock of a run starts [m]
+STOOD = 0.2  # time in which a robot that stands moves less than a tenth of this way [s]
 RUNS = 10
 SETTINGS = {  # a mean speed of 1 m/s scores most; passages of all worlds are 0.74 m wide or wider
     "max_time": 100.0, "speed": 1.0, "margin": 0.05,
@@ -60,9 +62,9 @@ def score(outcome: str, time: float, best: float) -> float:
     return best / float(np.clip(time, 2.0 * best, 8.0 * best)) if outcome == "goal" else 0.0
 
 
-def waited(states: Array, step: float) -> float:
-    """How long states (k, n), a step apart, take to have moved [s]."""
-    away = np.hypot(*(states[:, :2] - START[:2]).T) > MOVED
+def waited(states: Array, step: float, start: Sequence[float] = START) -> float:
+    """How long states (k, n), a step apart, take to have moved from the start [s]."""
+    away = np.hypot(*(states[:, :2] - start[:2]).T) > MOVED
     return step * float(np.argmax(away) if away.any() else len(away))
 
 
@@ -72,14 +74,22 @@ class Run(NamedTuple):
     world: str
     seed: int
 
+    @property
+    def best(self) -> float:
+        """The best time [s]."""
+        return length(self.world) / FASTEST
+
     def scenario(self, **given: Any) -> Scenario:
         """Prepare it, with all cylinders known."""
         return prepared("scene", world(self.world).text(), robot="jackal", seed=self.seed, start=START, **given)
 
 
-def figures(run: Run) -> dict[str, Any]:
-    """Drive once; return outcome, time, score, least clearance [m] and the time of each control step [ms]."""
-    best = length(run.world) / FASTEST
+def figures(run: Any) -> dict[str, Any]:
+    """Drive a `Run` or one like it once.
+
+    Return outcome, time, score, least clearance [m], the time of each control step [ms], and whether the robot stood at
+    the end.
+    """
     try:
         scenario = run.scenario()
         frames = list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
@@ -88,9 +98,12 @@ def figures(run: Run) -> dict[str, Any]:
         return {**run._asdict(), **why, "time": np.nan, "score": 0.0, "step_ms": []}
     m = frames[-1].metrics
     x, y, _ = frames[-1].state
-    time = m.time - waited(np.vstack([frame.advance.states for frame in frames]), scenario.physics_step)
+    states = np.vstack([frame.advance.states for frame in frames])
+    time = m.time - waited(states, scenario.physics_step, scenario.start)
+    stood = np.hypot(*(states[-1] - states[-round(STOOD / scenario.physics_step) :][0])[:2]) < MOVED * STOOD
     return {
-        **run._asdict(), "outcome": m.outcome, "time": time, "score": score(m.outcome, time, best), "best": best,
+        **run._asdict(), "outcome": m.outcome, "time": time, "score": score(m.outcome, time, run.best),
+        "best": run.best, "stood": bool(stood),
         "why": f"seed {run.seed}: {m.outcome} at ({x:.2f}, {y:.2f}) after {m.time:.1f} s",
         "min_clearance": m.min_clearance, "blocked": m.blocked, "doubtful_plans": m.doubtful_plans,
         "mismatch": m.plant_mismatch, "step_ms": [1e3 * s for s in m.plan_seconds],

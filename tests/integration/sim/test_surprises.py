@@ -1,0 +1,37 @@
+"""A robot without a map answers what it finds: it waits or goes another way, and does not waver."""
+
+import numpy as np
+import pytest
+from surprises import closed_door, person_in_a_door
+
+from pirrht.outcome import Outcome
+from sim.scenario import prepare
+
+pytestmark = pytest.mark.slow
+GIVEN = {"robot": "puck", "sense": "lidar", "speed": 0.7, "noise": 0.05, "vertices": 300, "samples": 200, "period": 0.1}
+
+
+def driven(path, **given):
+    scenario = prepare(path, given={**GIVEN, "margin": 0.05, **given})
+    return list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
+
+
+@pytest.mark.parametrize("rows", [
+    "0 3.6 .6 0  1.5 3.6 .6 0  2.7 3 1.5 0  6 3 1.5 0  8 2 .5 0",  # it is in the door for a while
+    "0 3.6 .6 0  1.5 3.6 .6 0  2.7 3 1.5 0",  # it stays there
+])  # fmt: skip
+def test_a_person_who_steps_into_a_door_is_waited_for_or_avoided_without_wavering(tmp_path, rows):
+    frames = driven(person_in_a_door(tmp_path, rows), max_time=40.0)
+    m = frames[-1].metrics
+    assert m.outcome is Outcome.GOAL
+    assert m.class_switches <= 2
+
+
+def test_where_a_door_is_found_closed_the_robot_goes_back_and_takes_the_other_way(tmp_path):
+    frames = driven(closed_door(tmp_path), max_time=60.0)
+    states = np.vstack([frame.advance.states for frame in frames])
+    m = frames[-1].metrics
+    assert m.outcome is Outcome.GOAL
+    assert states[:, 1].max() > 3.9  # it had gone for the door
+    assert states[:, 1].min() < 1.5
+    assert m.class_switches <= 2
