@@ -22,12 +22,14 @@ from pirrht.errors import NoReference
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.backend import Backend
+from pirrht.rollouts.cpu import Cpu
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.signature import Signature
 
@@ -80,6 +82,7 @@ class Controller(Policy):
         refuse_misfits(sampling, propose, backend, rng)
         self.predict, self.rng, self.surcharge = predict, rng, surcharge
         self.deceleration = deceleration
+        validate(tree, problem, sampling, self.settings)
         self._enter(problem, space, tree, sampling, homology, propose, backend)
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
@@ -88,7 +91,6 @@ class Controller(Policy):
         homology: Signature | None = None, propose: Sequence[Propose] = (), backend: Backend | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree."""
-        validate(tree, problem, sampling, self.settings)
         own = homology_of(problem, space) if tree is None else tree.homology
 
         self.tree = tree
@@ -136,8 +138,10 @@ class Controller(Policy):
         """Return a plan whose controls keep to speeds from which the robot can stop."""
         if plan.law is None or self.deceleration <= 0.0:
             return plan
-        static = self.space.static
-        governor = Governor(dynamics=self.problem.dynamics, static=static, deceleration=self.deceleration)
+        governor = Governor(
+            dynamics=self.problem.dynamics, world=self.path_integral.setup.world, now=self.run.now,
+            deceleration=self.deceleration,
+        )  # fmt: skip
         return replace(plan, law=GovernedLaw(plan.law, governor))
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
@@ -169,9 +173,29 @@ class Controller(Policy):
     def adopt(self, new: Renewed | None) -> None:
         """Continue in a scene that `renewed` has examined."""
         if new is not None:
-            backend = self.path_integral.backend
-            self._enter(*new, self.path_integral.sampling, propose=self.proposals.propose, backend=backend)
+            self._reenter(*new)
             map_update.continue_among(self.space, self.run)
+
+    def among(self, movers: Sequence[Mover]) -> None:
+        """Continue among obstacles that move as predicted, on the run's clock, until the next map or prediction.
+
+        They make no classes, and the tree does not know of them: guides and samples pass them in time.
+        """
+        if not movers and not self.space.scene.movers:
+            return
+        space = self.space.among(movers)
+        scene = replace(self.problem.scene, movers=space.scene.movers)
+        self._reenter(replace(self.problem, scene=scene), space, self.tree)
+        if bool(movers) != bool(self.run.route.movers):
+            self.run.starts.forget()  # other kernels take other laws
+            self.run.shares.forget()
+        self.run.route.movers = space.scene.movers
+
+    def _reenter(self, problem: Problem, space: FreeSpace, tree: HomologyTree | None) -> None:
+        """Continue in another problem, with what the user gave."""
+        backend = self.path_integral.backend
+        backend = None if isinstance(backend, Cpu) else backend  # kernels are chosen for what moves
+        self._enter(problem, space, tree, self.path_integral.sampling, propose=self.proposals.propose, backend=backend)
 
     def __repr__(self) -> str:
         of = f"a {type(self.problem.dynamics).__name__} in {formatting.name(self.space.scene.name)}"

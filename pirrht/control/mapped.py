@@ -1,12 +1,12 @@
 """Drive without a map: a controller among what a lidar has shown so far.
 
-What nobody has seen counts as free. What moves is no part of the map: in the scene it stands wherever it and the robot
-may be at the same time soon (`mapping.swept`). A new map changes the scene as `Controller.update` does: obstacles keep their
+What nobody has seen counts as free. What moves is no part of the map: guides and samples pass it in time, as it
+is predicted from its track. A new map changes the scene as `Controller.update` does: obstacles keep their
 numbers and classes their names as far as they go on, and so does what the run knows of them.
 """
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -20,13 +20,16 @@ from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import SceneError
-from pirrht.geometry.scene import Scene, height_of_walls
+from pirrht.geometry.obstacle import Motion, Mover
+from pirrht.geometry.scene import height_of_walls
 from pirrht.geometry.solids import discs
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
-from pirrht.mapping.swept import swept
 from pirrht.mapping.tracks import Track, Tracks
 from pirrht.planner.references import Reference
+
+HORIZON = 10.0  # of predictions at constant velocity [s]
+AROUND = 0.05  # what moves is kept clear [m]
 
 
 class Sensor(Protocol):
@@ -82,12 +85,10 @@ class Mapped(Policy):
 
         self._bare = replace(controller.problem.scene, obstacles=())
         self._vertices = 0 if controller.tree is None else controller.tree.size
-        self._pace = 1.0 if controller.tree is None else float(controller.tree.steering.pace)  # [m/s]
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="mapper") if background else None
         self._pending: Future[Renewed | None] | None = None
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
-        self._swept = False  # whether things that move were in its scene
         controller.surcharge = self._surcharge if unknown > 0.0 else None
 
     def _empty(self) -> OccupancyMap:
@@ -118,34 +119,33 @@ class Mapped(Policy):
                 self.see(scan)
             reads = [*self.problem.dynamics.reads(True)]
             error[reads] = self.sensor.error[: len(reads)]
-        self._renew(self.problem.dynamics.place(x + error))
+        self._renew()
+        self.controller.among([self._predicted(one) for one in self.tracks.moving])
         self.believed = Believed(
             scan=self._last, occupied=self.map.occupied, unknown=self.map.unknown, tracks=(*self.tracks.moving,),
             seconds=self.clock() - began,
         )  # fmt: skip
         return shifted(self.controller.plan(x + error, left), error)
 
-    def _renew(self, place: Array) -> None:
+    def _renew(self) -> None:
         """Continue in the newest map that is examined, and have the next one examined."""
         pool = self._pool if self.run.planned else None
         if self._pending is not None and (pool is None or self._pending.done()):
             self._adopt(self._pending)
-        moving = self.tracks.moving
-        if self._pending is None and (self.map.version != self._version or moving or self._swept):
+        if self._pending is None and self.map.version != self._version:
             self._version = self.map.version
-            self._swept = bool(moving)
-            scene = self._scene(moving, place)
+            scene = self.map.scene(self._bare)
             if pool is None:
                 self._adopt(immediately(lambda: self.controller.renewed(scene, self._vertices or None)))
             else:
                 self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
 
-    def _scene(self, moving: Sequence[Track], place: Array) -> Scene:
-        """Return the scene of the map, and of what moves as it concerns a robot at a place (2,) [m]."""
-        scene = self.map.scene(self._bare)
-        footprint = scene.footprint
-        rows = swept(moving, place, self.run.clock.time - self.tracks.time, self._pace, footprint.inscribed)
-        return replace(scene, obstacles=(*scene.obstacles, *discs(rows, height_of_walls(scene.robot_height))))
+    def _predicted(self, one: Track) -> Mover:
+        """Return what moves as an obstacle of constant velocity."""
+        solids = discs([[0.0, 0.0, one.radius + AROUND]], height_of_walls(self._bare.robot_height))
+        ends = np.vstack([one.at(0.0), one.at(HORIZON)])
+        rows = np.column_stack([[0.0, HORIZON], ends, np.zeros(2)])
+        return Mover(name=f"track {one.number}", solids=solids, motion=Motion(rows=rows, offset=-self.tracks.time))
 
     def _adopt(self, examined: "Future[Renewed | None]") -> None:
         """Continue in a map; in the last one, if the goal is covered in it."""

@@ -3,7 +3,6 @@
 scan          ranges of one turn of a lidar, and the pose they were measured at
 occupancy     a grid of log-odds, which becomes a scene of boxes
 tracks        what moves, from scan to scan
-swept         where that is in the way soon
 tuning        evidence of rays
 
 It knows neither robots nor simulators, and imports `geometry` and `jit` alone.

@@ -42,16 +42,5 @@ class TrackTuning(NamedTuple):
     trail: float = 0.4  # time before it was noticed from which it may have left walls [s]
 
 
-class SweptTuning(NamedTuple):
-    """Numbers by which what moves is in the way."""
-
-    horizon: float = 1.5  # for which velocities are constant [s]
-    step: float = 0.25  # between the places of a thing [s]
-    early: float = 0.5  # by which the robot may be where a thing is before it is expected there [s]
-    late: float = 0.5  # and after that [s]
-    around: float = 0.05  # a thing [m]
-
-
 TUNING = MapTuning()
 TRACKS = TrackTuning()
-SWEPT = SweptTuning()
