@@ -76,7 +76,8 @@ def main() -> int:
         "--seeds",
         type=int,
         default=300,
-        help="drives per row of `quality` and `risk` (300), per scene of `effective` (2), per world of `barn` and `dynabarn` (10)",
+        help="drives per row of `quality` and `risk` (300), per scene of `effective` (2), per world of `barn` or "
+        "`dynabarn` (10)",
     )
     parser.add_argument(
         "--png",
@@ -85,7 +86,7 @@ def main() -> int:
     )
     parser.add_argument("--shapes", nargs="+", metavar="SHAPE", help="of `effective`: footprints, radii of discs")
     parser.add_argument("--worlds", nargs="+", metavar="N", help="of `barn` and `dynabarn` (all)")
-    parser.add_argument("--known", action="store_true", help="`barn`: with the map given; `dynabarn`: with the motions too")
+    parser.add_argument("--known", action="store_true", help="`barn`: with the map given; `dynabarn`: all motions")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="of `first-run`")
     parser.add_argument("--repeats", type=int, default=3, help="of `first-run` (3)")
     random = parser.add_argument_group("calibration and mass")

@@ -193,9 +193,9 @@ class Controller(Policy):
 
     def _reenter(self, problem: Problem, space: FreeSpace, tree: HomologyTree | None) -> None:
         """Continue in another problem, with what the user gave."""
-        backend = self.path_integral.backend
-        backend = None if isinstance(backend, Cpu) else backend  # kernels are chosen for what moves
-        self._enter(problem, space, tree, self.path_integral.sampling, propose=self.proposals.propose, backend=backend)
+        integral = self.path_integral
+        backend = None if isinstance(integral.backend, Cpu) else integral.backend  # kernels are chosen by what moves
+        self._enter(problem, space, tree, integral.sampling, propose=self.proposals.propose, backend=backend)
 
     def __repr__(self) -> str:
         of = f"a {type(self.problem.dynamics).__name__} in {formatting.name(self.space.scene.name)}"

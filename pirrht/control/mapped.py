@@ -101,6 +101,7 @@ class Mapped(Policy):
         self.map = self._empty()
         self.tracks = Tracks()
         self._version = 0
+        self.controller.among(())
         self.controller.update(self._bare, self._vertices or None)
         self.controller.begin(x, time)
 

@@ -52,9 +52,7 @@ class Track:
     def corrected(self, center: Array, noise: Array) -> "Track":
         """Return it once its centre (2,) [m] has been measured, with a covariance (2, 2)."""
         gain = self.cov[:, :2] @ np.linalg.inv(self.cov[:2, :2] + noise)
-        return replace(
-            self, state=self.state + gain @ (center - self.state[:2]), cov=self.cov - gain @ self.cov[:2, :]
-        )
+        return replace(self, state=self.state + gain @ (center - self.state[:2]), cov=self.cov - gain @ self.cov[:2, :])
 
 
 @dataclass(slots=True, eq=False)
@@ -136,7 +134,7 @@ class Tracks:
         stands = min(one.stands, scan.time) if one.speed < tuning.still else inf
         return replace(
             one, radius=radius, outlines=outlines, seen=scan.time, sightings=sightings, stands=stands,
-            moves=moves and scan.time - stands < tuning.rest,
+            moves=bool(moves) and scan.time - stands < tuning.rest,
         )  # fmt: skip
 
     def _center(self, points: Array, guess: Array, radius: float) -> tuple[Array, Array]:

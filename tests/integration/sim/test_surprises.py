@@ -30,8 +30,8 @@ def test_a_person_who_steps_into_a_door_is_waited_for_or_avoided_without_waverin
 def test_where_a_door_is_found_closed_the_robot_goes_back_and_takes_the_other_way(tmp_path):
     frames = driven(closed_door(tmp_path), max_time=60.0)
     states = np.vstack([frame.advance.states for frame in frames])
-    m = frames[-1].metrics
-    assert m.outcome is Outcome.GOAL
-    assert states[:, 1].max() > 3.9  # it had gone for the door
+    assert frames[-1].metrics.outcome is Outcome.GOAL
+    high = np.flatnonzero(states[:, 1] > 3.9)
+    assert len(high)  # it had gone for the door
+    assert np.diff(high).max() == 1  # once
     assert states[:, 1].min() < 1.5
-    assert m.class_switches <= 2
