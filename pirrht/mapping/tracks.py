@@ -27,7 +27,8 @@ class Track:
     state: Array  # x, y [m] and velocity [m/s], (4,)
     cov: Array  # of the state, (4, 4)
     radius: float  # [m]
-    born: float  # [s]
+    origin: Array  # where it was noticed, (2,) [m]
+    born: float  # when that was [s]
     seen: float  # when it was seen last [s]
     sightings: int = 1
     outlines: int = 0  # scans that showed its whole width
@@ -130,7 +131,9 @@ class Tracks:
         one = one.corrected(center, noise)
         spread = np.sqrt(np.trace(one.cov[2:, 2:]))
         sightings = one.sightings + 1
-        moves = one.moves or (sightings >= tuning.sightings and one.speed > max(tuning.slow, 3.0 * spread))
+        gone = np.hypot(*(one.state[:2] - one.origin))
+        certain = min(sightings - 1, outlines) >= tuning.sightings and gone > tuning.gone
+        moves = one.moves or (certain and one.speed > max(tuning.slow, 3.0 * spread))
         stands = min(one.stands, scan.time) if one.speed < tuning.still else inf
         return replace(
             one, radius=radius, outlines=outlines, seen=scan.time, sightings=sightings, stands=stands,
@@ -189,7 +192,7 @@ class Tracks:
             cov[2:, 2:] = tuning.fastest**2 * np.eye(2)
             born.append(
                 Track(
-                    number=next(self._numbers), state=np.append(center, [0.0, 0.0]), cov=cov, radius=radius,
+                    number=next(self._numbers), state=np.append(center, [0.0, 0.0]), cov=cov, radius=radius, origin=center,
                     born=scan.time, seen=scan.time, outlines=int(whole is not None),
                 )
             )  # fmt: skip

@@ -34,7 +34,8 @@ class TrackTuning(NamedTuple):
     hit: float = 0.02  # and what a hit's distance from the circle adds [m]
     gate: float = 0.15  # distance of hits from where the circle is expected, at most [m]
     near: float = 0.05  # the same for hits on what was there before [m]
-    sightings: int = 4  # after which a thing may be on the move
+    sightings: int = 3  # of all of it, after which a thing may be on the move
+    gone: float = 0.12  # by then, at least [m]
     slow: float = 0.25  # speed of what is on the move, at least [m/s]
     still: float = 0.15  # speed below which it stands [m/s]
     rest: float = 1.0  # time after which what stands is a part of the map [s]
