@@ -109,20 +109,20 @@ class FreeSpace:
         scene, collision = _checked(scene, start_counts=False)
         named = len(self.homology.markers) if self.homology.named is None else self.homology.named
         parts = obstacles_of(collision)
-        encircled = continued_in(parts, self.obstacles, collision, named)
-        return self._of(scene, collision, parts, encircled, named, self.grain)
+        encircled, moved = continued_in(parts, self.obstacles, collision, named, self.collision)
+        return self._of(scene, collision, parts, encircled, named, self.grain, moved)
 
     @classmethod
     def _of(
         cls, scene: Scene, collision: Collision, parts: Sequence[Component], encircled: tuple[Component, ...],
-        named: int | None = None, grain: float | None = None,
+        named: int | None = None, grain: float | None = None, moved: tuple[int, ...] = (),
     ) -> FreeSpace:  # fmt: skip
         try:
             members = sorted({i for part in parts for i in part.members})
             field, static = _member(scene).fields(scene, collision, members, grain)
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
-        homology = signature_of(scene, encircled, named)
+        homology = signature_of(scene, encircled, named, moved)
 
         return cls(
             scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology,

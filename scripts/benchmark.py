@@ -48,7 +48,7 @@ PARTS = {
 }
 TABLES = (
     *("speed", "first-run", "obstacles", "maps", "presets", "roadmap"),
-    *("effective", "barn", "sensing", "worst", "quality", "calibration", "risk", "mass"),
+    *("effective", "barn", "dynabarn", "sensing", "worst", "quality", "calibration", "risk", "mass"),
 )
 
 

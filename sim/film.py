@@ -23,9 +23,11 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.mapping.believed import Believed
 from pirrht.plotting.colors import ClassColors, Color, blend, rgb
 from pirrht.plotting.strokes import rings
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, title
+from sim.drawing.map_panel import Panel
 from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen, heavy_ends
 from sim.drawing.ways import ways_in
 from sim.drive.metrics import Frame
@@ -70,6 +72,7 @@ class Film:
         still: the file of its last picture, .png.
         size: of pictures that `shots` returns, width and height.
         ways: what to call classes, by id; others by what they pass, or by their titles.
+        known: whether a map of what the robot knows is at the right.
 
     Raises:
         OptionError: files that cannot be made, for want of a library, of graphics or of the right ending.
@@ -77,7 +80,7 @@ class Film:
 
     def __init__(
         self, loaded: Loaded, *, video: Path | None = None, still: Path | None = None,
-        size: tuple[int, int] | None = None, ways: Mapping[str, str] | None = None,
+        size: tuple[int, int] | None = None, ways: Mapping[str, str] | None = None, known: bool = False,
     ) -> None:  # fmt: skip
         wide, high = size or (WIDTH, HEIGHT)
         self._video, self._still = video, still
@@ -86,6 +89,8 @@ class Film:
                 require(option, "video")
                 if file.suffix.lower() != ending:
                     raise OptionError(f"{option} {file}: the ending must be {ending}")
+        self._panel = Panel(loaded.scene, (wide, high)) if known else None
+        wide -= 0 if self._panel is None else self._panel.width
         self._model = model = copy.copy(loaded.model)
         model.vis.global_.offwidth, model.vis.global_.offheight = wide, high
         # Without a GPU corners and mirrors are what takes time: 100 ms a picture instead of 800.
@@ -130,7 +135,8 @@ class Film:
         self._mocap = Mocap(loaded.model, self._scene.movers) if self._scene.movers else None
         self._colors = ClassColors()
         self._path: list[Array] = []  # rows of a time [s], a state, and perhaps an attitude
-        self._plans: list[tuple[float, Plan, dict[str, Fan], dict[str, str]]] = []  # with their times [s]
+        # Plans with their times [s], samples, words of classes, and what was known.
+        self._plans: list[tuple[float, Plan, dict[str, Fan], dict[str, str], Believed | None]] = []
         self._drawn, self._samples = -np.inf, dict[str, Fan]()  # what was drawn last, and when [s]
         self._words = dict(ways or {})  # of classes
         self._end = ""  # how the run ended
@@ -151,7 +157,7 @@ class Film:
                 ways = ways_in(plan.space, plan.references, names_of(self._loaded, plan.space))
                 # From the start on a class keeps its words, whatever is left of its path.
                 self._words = dict(zip(plan.ids, ways, strict=False)) | self._words
-        self._plans.append((frame.time, plan, self._samples, self._words))
+        self._plans.append((frame.time, plan, self._samples, self._words, frame.believed))
         self._end = "" if frame.outcome is None else f"{frame.outcome.name.lower()} after "
         self._colors.meet(plan.ids)
 
@@ -201,7 +207,7 @@ class Film:
         over = time >= self._path[-1][-1, 0]
 
         self._pose(state, now)
-        _, plan, samples, words = self._plans[bisect_right(self._plans, time + 1e-9, key=itemgetter(0)) - 1]
+        _, plan, samples, words, known = self._plans[bisect_right(self._plans, time + 1e-9, key=itemgetter(0)) - 1]
         weights = {} if over else self._plan(plan, samples)
         if not self._scene.body.is_disc:
             self._line(rings(self._scene.body, self._states.poses(state[None]))[0], 0.035, DRIVEN, 0.01)
@@ -215,14 +221,22 @@ class Film:
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
         texts = [f"{words.get(n, title(n))}  {100 * weights[n]:.0f} %" for n in heavy]
         rows = [(text, blend(self._colors[n], (255, 255, 255), 0.3)) for text, n in zip(texts, heavy, strict=True)]
-        return self._draw([(f"{self._end if over else ''}{now:.1f} s", INK), *rows])
+        picture = self._draw([(f"{self._end if over else ''}{now:.1f} s", INK), *rows])
+        if self._panel is None:
+            return picture
+        poses = self._states.poses(path[:, 1:])
+        return np.hstack([picture, self._panel.draw(known, () if over else self._drawn_lines(plan), poses)])
+
+    def _drawn_lines(self, plan: Plan) -> list[tuple[Array, Color]]:
+        """Return the references of a plan and their colours."""
+        pairs = zip(plan.references, plan.ids, strict=True)
+        return [(at_most(one.trajectory.points, REFERENCE_POINTS), self._colors[name]) for one, name in pairs]
 
     def _plan(self, plan: Plan, samples: Mapping[str, Fan]) -> Mapping[str, float]:
         """Draw what a plan expects: references, samples and predicted outlines; return the shares of its classes."""
         weights = plan.estimate.class_weights if plan.estimate else {}
-        for reference, name in zip(plan.references, plan.ids, strict=True):
-            radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
-            self._line(at_most(reference.trajectory.points, REFERENCE_POINTS), 0.02, self._colors[name], radius)
+        for (line, color), name in zip(self._drawn_lines(plan), plan.ids, strict=True):
+            self._line(line, 0.02, color, 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0))))
         for name, fan in samples.items():  # the heavier the stronger; grey ones do not arrive
             color = DEAD_COLOR if name == DEAD else self._colors[name]
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity

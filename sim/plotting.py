@@ -4,6 +4,7 @@ Among moving obstacles a map shows where these and the references are at equal m
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -13,12 +14,14 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
+from pirrht.mapping.believed import Believed
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting import maps
 from pirrht.plotting.colors import ClassColors, rgb
 from pirrht.plotting.tuning import TUNING as PLOTTING
 from sim.drawing.colors import NAMED, labels, passing, title
+from sim.drawing.known import SCAN, shades
 from sim.drawing.strokes import timed
 from sim.drawing.ways import label_places, ways_in
 from sim.files import replaced
@@ -33,27 +36,33 @@ MOST, SHOWN = 8, 16  # moments on a map, and classes in a figure of lengths
 APART = 0.022  # from each other that numbers are at least, over the width of the map
 
 
-def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: Sequence[Reference]) -> None:
-    """Write a map with obstacles, tree and the reference of every class; in space as two views."""
+def draw_plan(
+    path: Path, scenario: "Scenario", tree: HomologyTree, references: Sequence[Reference], known: Believed | None = None
+) -> None:
+    """Write a map with obstacles, tree and the reference of every class; in space as two views.
+
+    If just a map is `known`, obstacles as they are are outlines.
+    """
     scene = scenario.loaded.scene
     if scene.dimension == 3:
         return draw_views(path, scenario, tree, references)
     wide, high = scene.upper - scene.lower
     axes = maps.pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8)).subplots()
-    draw_scene(axes, scenario)
+    draw_scene(axes, scenario, known)
     maps.tags(axes, scenario.space.homology.markers, labels(scenario.names))  # moving ones bear their names
     maps.lines(axes, tree.best_edges(PLOTTING.spacing), "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors(reference.id for reference in references)
     sides = [wrap(maps.literal(", ".join(words)), WIDE) for words in passing(references, tree.homology, scenario.names)]
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     rows = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
-    step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
+    step = draw_moments(axes, scenario, references, colors) if scene.movers and known is None else 0.0
     paths = [r.trajectory for r in references]
     hues = [colors[r.id] for r in references]
     maps.classes(
         axes, scene.body, paths, rows, hues, title="class: cost", ncols=1 + "\n".join(rows).count("\n") // HIGH
     )
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
+    when += "; grey is unseen, outlines are what there is" if known is not None else ""
     counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
     axes.set_title(f"{maps.literal(scene.name)}: {counts}", fontsize=10)
     _save(axes, path, "--png")
@@ -133,10 +142,21 @@ def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], ref
     _save(axes, path, "--convergence")
 
 
-def draw_scene(axes: Any, scenario: "Scenario") -> None:
-    """Workspace, obstacles seen from above, start and heading, goal, and moving obstacles at 0 s, few by name."""
+def draw_scene(axes: Any, scenario: "Scenario", known: Believed | None = None) -> None:
+    """Workspace, obstacles seen from above, start and heading, goal, and moving obstacles at 0 s, few by name.
+
+    If just a map is `known`, that and the last scan are drawn, and obstacles are outlines.
+    """
     scene = scenario.loaded.scene
-    maps.draw(axes, scene)
+    if known is None:
+        maps.draw(axes, scene)
+    else:
+        maps.draw(axes, replace(scene, obstacles=(), movers=()))
+        (left, right), (low, high) = np.column_stack([known.lower, known.upper])
+        axes.imshow(shades(known), extent=(left, right, low, high), zorder=0.5, interpolation="nearest")
+        solids = [*scene.obstacles, *(solid for mover in scene.movers for solid in mover.at(0.0))]
+        maps.solids(axes, solids, fill=False, ec=maps.WALL, lw=0.6, zorder=3)
+        axes.plot(*known.scan.points.T if known.scan else ((), ()), ".", ms=1.5, color=rgb(SCAN), zorder=3.5)
     _name_movers(axes, scene, (0, 1))
     states = scenario.system.adapter
     if (ahead := states.direction(scene.start)) is not None:

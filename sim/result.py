@@ -18,6 +18,8 @@ from sim.drawing.ways import ways_in
 from sim.drive.metrics import Truth
 from sim.scenario import Scenario
 
+SENSED = ("sense", "lidar", "sense_pose", "cell", "unknown")  # settings of a lidar
+
 
 def classes_json(
     references: Sequence[Reference], homology: Signature, names: Sequence[str], space: FreeSpace | None = None
@@ -107,6 +109,7 @@ def settings_json(scenario: Scenario) -> dict[str, Any]:
         "risk": s.risk,
         "phi": phi,
         **({"predict": s.predict} if scenario.moving else {}),
+        **({name: getattr(s, name) for name in SENSED} if s.sense == "lidar" else {}),
         **footprint_json(scenario),
     }
 

@@ -139,8 +139,8 @@ class Controller(Policy):
         if plan.law is None or self.deceleration <= 0.0:
             return plan
         governor = Governor(
-            dynamics=self.problem.dynamics, world=self.path_integral.setup.world, now=self.run.now,
-            deceleration=self.deceleration,
+            dynamics=self.problem.dynamics, static=self.space.static, moving=self.path_integral.setup.world.moving,
+            now=self.run.now, deceleration=self.deceleration,
         )  # fmt: skip
         return replace(plan, law=GovernedLaw(plan.law, governor))
 

@@ -13,15 +13,15 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Law
-from pirrht.geometry.space import at_states, pose_at
-from pirrht.geometry.world import World
+from pirrht.geometry.space import Space, at_states, pose_at
+from pirrht.geometry.world import Moving, NoMoving
 from pirrht.systems.dynamics import Dynamics
 
 
 class GovernorTuning(NamedTuple):
     """Numbers of the governor."""
 
-    lag: float = 0.12  # time until brakes act: a command passes motor controllers, and plans are a period old [s]
+    lag: float = 0.2  # time until brakes act: wheels are not at the speed that was commanded, and plans are old [s]
     every: float = 0.02  # time for which a share is kept [s]
     spacing: float = 0.04  # of the poses on the way that are judged [m]
     shares: tuple[float, ...] = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1)  # of the control that are tried
@@ -35,9 +35,10 @@ class Governor:
     """Lowers controls, velocities of a robot, to those from which it can stop, among what stands and what moves."""
 
     dynamics: Dynamics
-    world: World
-    now: float  # when the plan begins, on the clock of moving obstacles [s]
+    static: Space
     deceleration: float  # [m/s^2]
+    moving: Moving = NoMoving()
+    now: float = 0.0  # when the plan begins, on the clock of moving obstacles [s]
     tuning: GovernorTuning = TUNING
 
     def admissible(self, x: Array, u: Array, s: float = 0.0) -> Array:
@@ -55,25 +56,25 @@ class Governor:
     def _gain(self, x: Array) -> Array:
         """Return how controls move the place (d, m) [m/s per control]."""
         d = self.dynamics
-        return np.asarray(d.noise_form(x)[0][: len(d.position)])
+        return np.asarray(d.G_c(x)[: len(d.position)])
 
     def stops(self, x: Array, u: Array, s: float = 0.0) -> bool:
         """Return whether a robot at state x (n,) that drives under a control (m,) meets nothing before it stands."""
         d = self.dynamics
-        kernels = self.world.static.kernels
+        kernels = self.static.kernels
         reads = d.reads(kernels.turns)
         clear = at_states(kernels, reads).clearance
         pose = pose_at(reads)
-        moving = self.world.moving
+        moving = self.moving
         speed = float(np.hypot.reduce(self._gain(x) @ u))
         time = self.tuning.lag + 0.5 * speed / self.deceleration
         pieces = max(2, math.ceil(speed * time / self.tuning.spacing))
-        least = min(0.0, clear(self.world.static, x))  # out of a margin
+        least = min(0.0, clear(self.static, x))  # out of a margin
         nearest = min(0.0, moving.clearance(pose(x), self.now + s))
         still = np.zeros(d.m)
         for k in range(1, pieces + 1):
             x = d.step(x, u, still, time / pieces)
-            if clear(self.world.static, x) < least:
+            if clear(self.static, x) < least:
                 return False
             if moving.J and moving.clearance(pose(x), self.now + s + k * time / pieces) < nearest:
                 return False

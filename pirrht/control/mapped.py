@@ -8,7 +8,7 @@ numbers and classes their names as far as they go on, and so does what the run k
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
 from typing import Any, Protocol, cast
 
@@ -23,6 +23,7 @@ from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import height_of_walls
 from pirrht.geometry.solids import discs
+from pirrht.mapping.believed import Believed
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
 from pirrht.mapping.tracks import Track, Tracks
@@ -33,7 +34,7 @@ AROUND = 0.05  # what moves is kept clear [m]
 
 
 class Sensor(Protocol):
-    """What a robot senses."""
+    """Senses of a robot."""
 
     @property
     def error(self) -> Array:
@@ -41,17 +42,6 @@ class Sensor(Protocol):
 
     def take(self) -> Iterable[Scan]:
         """Return the scans since it was last called."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Believed:
-    """What the robot knew when a plan was made."""
-
-    scan: Scan | None  # the last one
-    occupied: np.ndarray[Any, np.dtype[np.bool_]]  # cells, (rows, columns), the lowest row first
-    unknown: np.ndarray[Any, np.dtype[np.bool_]]  # cells that no ray has passed, (rows, columns)
-    tracks: tuple[Track, ...]  # what moves
-    seconds: float  # that scans, map and what follows from it took before the plan [s]
 
 
 class Mapped(Policy):
@@ -79,7 +69,6 @@ class Mapped(Policy):
         self.sensor = sensor
         self.unknown = unknown
         self.clock = clock
-        self.believed: Believed | None = None
         self.map = self._empty()
         self.tracks = Tracks()
 
@@ -97,13 +86,18 @@ class Mapped(Policy):
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far and its map; a new one starts at x (n,), at a time [s]."""
-        self._pending = None
+        self._pending = self._last = self.believed = None
         self.map = self._empty()
         self.tracks = Tracks()
         self._version = 0
         self.controller.among(())
         self.controller.update(self._bare, self._vertices or None)
         self.controller.begin(x, time)
+
+    def go_on(self, before: "Mapped") -> None:
+        """Continue in the map of another policy, among the same obstacles; call it after `begin`."""
+        self.map = before.map
+        self._last = before._last
 
     def see(self, scan: Scan) -> None:
         """Add a scan to the map; the next plan counts with it."""
@@ -115,17 +109,19 @@ class Mapped(Policy):
         """Decide at state x (n,) among what is known; see `Controller.plan`."""
         began = self.clock()
         error = np.zeros(len(x))
+        pose = np.zeros(3)
         if self.sensor is not None:
             for scan in self.sensor.take():
                 self.see(scan)
             reads = [*self.problem.dynamics.reads(True)]
-            error[reads] = self.sensor.error[: len(reads)]
+            pose = self.sensor.error
+            error[reads] = pose[: len(reads)]
         self._renew()
         self.controller.among([self._predicted(one) for one in self.tracks.moving])
-        self.believed = Believed(
-            scan=self._last, occupied=self.map.occupied, unknown=self.map.unknown, tracks=(*self.tracks.moving,),
-            seconds=self.clock() - began,
-        )  # fmt: skip
+        last = self.believed
+        if last is None or last.scan is not self._last:
+            last = Believed.of(self.map, self._last, pose)
+        self.believed = replace(last, seconds=self.clock() - began)
         return shifted(self.controller.plan(x + error, left), error)
 
     def _renew(self) -> None:
@@ -163,10 +159,11 @@ class Mapped(Policy):
 
 def shifted(plan: Plan, error: Array) -> Plan:
     """Return a plan for states (n,) that the robot believes to be off by an error (n,)."""
-    law = plan.law
-    if law is None or not error.any():
+    if not error.any():
         return plan
-    return replace(plan, law=lambda x, s: law(x + error, s))
+    law = plan.law
+    moved = None if law is None else lambda x, s: law(x + error, s)
+    return replace(plan, state=plan.state - error, law=moved)
 
 
 def immediately(work: Callable[[], Any]) -> "Future[Any]":

@@ -16,6 +16,7 @@ from pirrht.control.settings import TimeBudget
 from pirrht.errors import OptionError, refuse_unless_positive
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
+from pirrht.mapping.believed import Believed
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.signature import Signature, class_id
@@ -29,6 +30,7 @@ class Policy(ABC):
     tree: HomologyTree | None = None  # None: it needs none
     predict: ConstantVelocity | None = None  # None: motions are known
     run: RunState  # of the run under way
+    believed: Believed | None = None  # what the last plan rests on; None: the scene is known
 
     @property
     def problem(self) -> Problem:

@@ -1,5 +1,6 @@
 """Follow the class of the path that a run has driven, and is expected to drive."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -38,7 +39,10 @@ class Driven:
         return self._now[1][:-1]
 
     def enter(self, homology: Signature) -> None:
-        """Continue among other static markers, to the same goal; turns about new ones count from here on."""
+        """Continue among other static markers, to the same goal; turns about new ones count from here on.
+
+        Those about a marker that has moved within its obstacle change so that paths about all of it keep their class.
+        """
         old = self._homology
         known, last = self._known
         now, here = self._now
@@ -49,6 +53,10 @@ class Driven:
         whole = homology.along(np.array([last, here]))
         since[stay] = known[stay]
         whole[stay] = now[stay]
+        for number in homology.moved:
+            one, other = old.markers[number], homology.markers[number]
+            since[number] = known[number] - shift(one, other, last, homology.goal)
+            whole[number] = now[number] - shift(one, other, here, homology.goal)
 
         self._homology = homology
         self._known = (since, last)
@@ -57,3 +65,18 @@ class Driven:
     def winding(self) -> tuple[int, ...]:
         """Class of the driven path, M whole [turns], completed by the base from its end."""
         return tuple(self._now[0].tolist())
+
+
+def shift(one: Array, other: Array, x: Array, goal: Array) -> int:
+    """Return by how many whole turns paths from x to the goal (2,) [m] turn more about another marker than about one.
+
+    They do not pass between both, (2,) [m]: as one moves to the other along a line, the turn of such a path changes by
+    that of the directions in which its ends lie.
+    """
+
+    def between(a: Array, b: Array) -> float:
+        return math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]) / (2.0 * math.pi)
+
+    place = x[:2]
+    base_change = between(place - one, goal - one) - between(place - other, goal - other)
+    return round(base_change + between(goal - one, goal - other) - between(place - one, place - other))

@@ -92,6 +92,7 @@ class Homology(Signature):
     markers: Array  # (S, 2) one point inside each static topological obstacle [m]
     goal: Array  # (2,) goal representative point [m]
     named: int | None = None  # names of classes give so many turns at least: they last while obstacles are added
+    moved: tuple[int, ...] = ()  # static markers that lie elsewhere in their obstacle than in the signature before
     names: tuple[str, ...] = ()  # (J,) of the moving obstacles that moving markers belong to
     tracks: MarkerTrajectories = NO_TRACKS  # of the moving markers
     speed: float = 1.0  # of bases about moving markers, sqrt(2 q / r) [m/s]

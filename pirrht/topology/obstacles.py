@@ -56,14 +56,16 @@ def components(collision: Collision) -> tuple[Component, ...]:
 
 
 def continued(
-    parts: Sequence[Component], before: Sequence[Component], collision: Collision, named: int
-) -> tuple[Component, ...]:
+    parts: Sequence[Component], before: Sequence[Component], collision: Collision, named: int, earlier: Collision
+) -> tuple[tuple[Component, ...], tuple[int, ...]]:
     """Return the components of a changed world with a marker (2,) [m], in the order of earlier ones, then new ones.
 
     An earlier marker stays while an inflated solid covers it: signatures may wind around any point of a component, and
-    around two of one. Else it is put outside of the workspace, where no path winds around it, until a later component
-    takes its number. So turns about all that stays, and names of classes, keep their meaning. `parts` are those of now,
-    `before` those that name the classes so far, of which `named` keep their number even if they are gone.
+    around two of one. If none does, but some of the component is left, the marker moves there; the second result has
+    the numbers of those. Else it is put outside of the workspace, where no path winds around it, until a later
+    component takes its number. So turns about all that stays, and names of classes, keep their meaning. `parts` are
+    those of now, `before` those that name the classes so far, of which `named` keep their number even if they are gone;
+    `earlier` has their solids.
     """
     radius, (low, high) = collision.footprint.radius, collision.extents()
     part_of = {i: part for part in parts for i in part.members}
@@ -78,8 +80,38 @@ def continued(
     kept = [
         None if part is None else replace(part, marker=old.marker) for old, part in zip(before, covers, strict=True)
     ]
-    new = [part for part in parts if part.marker is not None and part not in covers]
-    return numbered(before, kept, new, gone, named)
+    taken = [part for part in covers if part is not None]
+    moved = []
+    for number, old in enumerate(before):
+        if kept[number] is None and (heir := _heir(old, parts, taken, collision, earlier)) is not None:
+            kept[number] = heir[0]
+            taken.append(heir[1])
+            moved.append(number)
+    new = [part for part in parts if part.marker is not None and not any(part is one for one in taken)]
+    return numbered(before, kept, new, gone, named), tuple(moved)
+
+
+def _heir(
+    old: Component, parts: Sequence[Component], taken: Sequence[Component], collision: Collision, earlier: Collision
+) -> tuple[Component, Component] | None:
+    """Return what is left of a component that lost its marker, with the nearest place of it as marker, and the part.
+
+    Parts that are `taken` already or that reach the border are no heirs; None: there is none.
+    """
+    if old.marker is None or not old.members:
+        return None
+    low, high = (side[list(old.members)] for side in earlier.extents())
+    best: tuple[float, Component, Array] | None = None
+    for part in parts:
+        if part.marker is None or any(part is one for one in taken):
+            continue
+        for i in part.members:
+            place = collision.world.obstacles[i].position[:2]
+            away = float(np.hypot(*(place - old.marker)))
+            inside = np.any(np.all((low <= place) & (place <= high), axis=1))
+            if inside and (best is None or away < best[0]):
+                best = away, part, np.array(place, dtype=float)
+    return None if best is None else (replace(best[1], marker=best[2]), best[1])
 
 
 def numbered(

@@ -100,6 +100,7 @@ class Signature(ABC):
     markers: Array  # (M - J, d) one point inside each static obstacle [m]
     goal: Array  # (d,) goal point [m]
     names: tuple[str, ...] = ()  # (J,) of the moving obstacles that moving markers belong to
+    moved: tuple[int, ...] = ()  # static markers that lie elsewhere in their obstacle than in the signature before
     named: int | None = None  # turns that a name gives at least: later zeros are left out; None: all of them
     speed: float = 1.0  # of bases among moving obstacles [m/s]
 

@@ -7,7 +7,6 @@ changes and the map does not say why. With --known the same rooms are driven wit
 """
 
 import argparse
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,8 +46,8 @@ def room(side: float, seed: int) -> Page:
         across = (half, 0.08) if rng.random() < 0.5 else (0.08, half)
         elements.append(drum(f"post {i}", x, y, half) if i % 2 else wall(f"wall {i}", x, y, across))
     return Page(
-        name=f"room {seed}", about="A random room.", why="Grown from a seed.", size=(side, side), start=start, goal=goal,
-        elements=elements, settings=SETTINGS,
+        name=f"room {seed}", about="A random room.", why="Grown from a seed.", size=(side, side), start=start,
+        goal=goal, elements=elements, settings=SETTINGS,
     )  # fmt: skip
 
 
@@ -112,17 +111,19 @@ def figures(run: Run) -> dict[str, Any]:
         scenario = run.scenario()
         driver = scenario.driver(scenario.grown_tree())
         updates = list[float]()
-        frames = []
+        changes = list[str]()
+        last = None
         for frame in scenario.drive(scenario.plant(), driver):
-            frames.append(frame)
             updates.append(0.0 if run.known else 1e3 * driver.believed.seconds)
+            changes.append("" if last is None else judged(last, frame))
+            last = frame
     except (NoReference, SceneError) as error:
         return {**run._asdict(), "outcome": f"no path: {error}"}
-    changes = [judged(one, other) for one, other in pairwise(frames)]
-    m = frames[-1].metrics
+    assert last is not None
+    m = last.metrics
     counts = {kind: changes.count(kind) for kind in ("switch", "renamed", "wavers")}
     return {
-        **run._asdict(), "outcome": m.outcome, "time": m.time, "obstacles": len(frames[-1].plan.space.scene.obstacles),
+        **run._asdict(), "outcome": m.outcome, "time": m.time, "obstacles": len(last.plan.space.scene.obstacles),
         "map_ms": updates, "plan_ms": [1e3 * s for s in m.plan_seconds], **counts,
     }  # fmt: skip
 

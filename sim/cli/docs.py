@@ -82,7 +82,7 @@ def _item(option: Option) -> str:
     if option.bounds is not None:
         low, high = (f"{bound:g}" if isinstance(bound, float) else bound for bound in option.bounds)
         values = f"{low} to {high}" + (", or `inf`" if option.infinite else "")
-    mark = " \N{BULLET}" if option.name in NUMERICS else ""
+    mark = " \N{BULLET}" if option.name in NUMERICS and "import" not in option.commands else ""
     known = "; ".join(part for part in (default_of(option), values) if part)
     return f"* `{typed}`{mark}: {option.text}" + (f" [{known}]" if known else "") + "\n"
 

@@ -71,12 +71,18 @@ RUN = (
 phi                             number  cost  final cost off the goal; null if infinite
 grow                            integer 1     vertices that the tree gains per period; null: as there is time
 predict                         string  -     `--predict`; only where obstacles move
+sense                           string  -     `--sense`, `--lidar` and what follows; only where it is lidar
+lidar                           string  -     what differs from the default one, or null
+sense_pose                      number  m     `--sense-pose`
+cell                            number  m     `--cell`
+unknown                         number  cost  `--unknown`
 """),
     *FIGURES,
     *columns("""
 step_ms.median                  number  ms    wall time of a plan
 step_ms.p95                     number  ms    its 95th percentile
 step_ms.max                     number  ms    the longest
+map_ms                          object  ms    from scans to a map that is planned in: median, p99 and max; of a lidar
 deadline_misses                 integer 1     plans that took longer than the period, or by a clock were late
 blocked                         list    s     from when to when no path was found or no sample survived
 plant_mismatch                  object  1     by state: rms off the equation after a period; of wheels and rotors

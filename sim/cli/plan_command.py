@@ -29,6 +29,7 @@ from sim.mjcf.footprint import collision_of
 from sim.recording.reasons import shares_of
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
+from sim.scenario.first_seen import first_seen
 from sim.scenario.prepared import deviation
 from sim.scenario.risk import predicted
 from sim.settings import FORMS
@@ -172,6 +173,7 @@ def plan(arguments: argparse.Namespace) -> int:
 
             plotting.check(getattr(arguments, option), f"--{option}")
     scenario = scenario_of(arguments)
+    scenario, known = first_seen(scenario)
     began = notice().clock()
     watched = {}
 
@@ -204,7 +206,7 @@ def plan(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, found)
     if arguments.png:
-        plotting.draw_plan(arguments.png, scenario, tree, references)
+        plotting.draw_plan(arguments.png, scenario, tree, references, known)
     if arguments.convergence:
         plotting.draw_convergence(arguments.convergence, scenario.loaded.scene.name, lengths, references)
     return 0
@@ -228,7 +230,8 @@ def estimate(arguments: argparse.Namespace) -> int:
     if arguments.truth:
         with Progress("exact value") as bar:
             grid = scenario.truth(bar.to)
-    controller = scenario.driver(None if settings.method in TREELESS else planned(scenario, x)[0])
+    scenario, _ = first_seen(scenario, x)
+    controller = scenario.controller(None if settings.method in TREELESS else planned(scenario, x)[0])
     controller.begin(x, time)
     decisions = [controller.plan(x) for _ in range(arguments.repeat)]
     estimates, references = [one.estimate for one in decisions], decisions[-1].references

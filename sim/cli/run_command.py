@@ -95,7 +95,7 @@ def _film(arguments: argparse.Namespace, scenario: Any) -> Any:
         return None
     from sim.film import Film
 
-    return Film(scenario.loaded, video=arguments.video, still=arguments.png)
+    return Film(scenario.loaded, video=arguments.video, still=arguments.png, known=scenario.settings.sense == "lidar")
 
 
 def _save_film(film: Any, arguments: argparse.Namespace) -> None:
@@ -221,6 +221,7 @@ class Live:
 
         self._game, self._recorders = game, list[Any]()
         self._space: Any = None
+        self._run: Any = None
         self._urls = [arguments.connect, viewer.spawn() if arguments.view else None]
         if arguments.serve:
             self._server = viewer.Server()
@@ -237,11 +238,12 @@ class Live:
         if frame.news:
             tqdm.write(frame.news)
         space, world = frame.plan.space, self._game.live.built
-        if any(self._urls) and space is not None and space is not self._space:
+        other = space is not self._space and frame.run is not self._run  # a map that grows is of one run
+        if any(self._urls) and space is not None and other:
             from sim.recording.viewer import Sinks
 
             self.close()
-            self._space = space
+            self._space, self._run = space, frame.run
             self._recorders = [_recorder(world.scenario, world.driver, Sinks(connect=url)) for url in self._urls if url]
         for recorder in self._recorders:
             recorder.log(frame)

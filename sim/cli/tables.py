@@ -206,6 +206,9 @@ def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
     say(f"{counted(run.steps, 'control step')}: median {run.step_ms['median']:.1f} ms, 95th percentile "
         f"{run.step_ms['p95']:.1f} ms; the first took {first:.1f} ms{longest}; "
         f"{run.deadline_misses} {late}")  # fmt: skip
+    if (map_ms := run.map_ms) is not None:
+        say(f"{counted(len(run.map_seconds), 'new map')}: median {map_ms['median']:.1f} ms, 99th percentile "
+            f"{map_ms['p99']:.1f} ms, the longest {map_ms['max']:.1f} ms of a plan")  # fmt: skip
     if (truth := run.truth) is not None:
         say(f"compared with the optimal control: |u - u*| {truth['mean_control_error']:.3f} on average, "
             f"{truth['max_control_error']:.3f} at most; exact value at the start {truth['value']:.4f}")  # fmt: skip

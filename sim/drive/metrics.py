@@ -26,7 +26,10 @@ from pirrht.control.policy import Policy
 from pirrht.control.run_state import RunState
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
+from pirrht.mapping.believed import Believed
+from pirrht.mapping.scan import Scan
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.driven import Driven
@@ -118,6 +121,8 @@ class TimedPlan:
     plan_seconds: float  # wall time the plan took [s]
     vertices: int = 0  # of the tree that it was made with
     run: RunState | None = None  # of the policy: another one names classes anew
+    path_integral: PathIntegral | None = None  # what drew its samples; among other obstacles another one does
+    believed: Believed | None = None  # what the robot knew; None: the scene
     begin: float = 0.0  # time of the run for which it was made [s]; runs by a clock alone
     slack: float = 0.0  # from the end of planning to `begin` [s], negative if it is late; by a clock alone
 
@@ -127,7 +132,10 @@ class TimedPlan:
         began = time.perf_counter()
         plan = policy.plan(x, left)
         seconds, tree = time.perf_counter() - began, policy.tree
-        return cls(plan=plan, plan_seconds=seconds, vertices=0 if tree is None else tree.size, run=policy.run)
+        return cls(
+            plan=plan, plan_seconds=seconds, vertices=0 if tree is None else tree.size, run=policy.run,
+            path_integral=policy.path_integral, believed=policy.believed,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,6 +209,8 @@ class EpisodeMetrics:
         self.last: Frame | None = None
         self.first_plan: Plan | None = None
         self.plan_seconds: list[float] = []  # wall time of each [s]
+        self.map_seconds: list[float] = []  # of it for new maps, of plans that had one [s]
+        self._scan: Scan | None = None  # the last one
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
         self._off: list[Array] = []  # states less those of the equation alone, after periods
@@ -248,6 +258,9 @@ class EpisodeMetrics:
                 parts = () if plan.estimate is None else plan.estimate.parts
                 self._ready.append((sum(part.size for part in parts), made.slack))
         self.plan_seconds.append(made.plan_seconds)
+        if (known := made.believed) is not None and known.scan is not self._scan:
+            self._scan = known.scan
+            self.map_seconds.append(known.seconds)
         self.deadline_misses += missed
         if outcome is not None:
             self.outcome = outcome.name.lower()
@@ -324,6 +337,11 @@ class EpisodeMetrics:
         return _percentiles(1e3 * np.array(self.plan_seconds), median=50, p95=95, max=100)
 
     @property
+    def map_ms(self) -> dict[str, Any] | None:
+        """Wall time that new scans and their map took before a plan [ms]; None of a scene that is known."""
+        return _percentiles(1e3 * np.array(self.map_seconds), median=50, p99=99, max=100) if self.map_seconds else None
+
+    @property
     def real_time(self) -> dict[str, Any] | None:
         """How a run by a clock kept its times; None without one."""
         if not self._late:
@@ -355,7 +373,7 @@ class EpisodeMetrics:
     def json(self) -> dict[str, Any]:
         """Return the figures of a run of at least one frame under the names of the public JSON."""
         names = (*(f.name for f in FIGURES), "step_ms", "deadline_misses", "blocked")
-        more = {name: getattr(self, name) for name in ("plant_mismatch", "real_time", "truth")}
+        more = {name: getattr(self, name) for name in ("map_ms", "plant_mismatch", "real_time", "truth")}
         return {name: getattr(self, name) for name in names} | {k: v for k, v in more.items() if v is not None}
 
 

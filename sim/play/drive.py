@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.mapped import Mapped
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
@@ -57,12 +58,15 @@ def build(scenario: Scenario, before: World) -> World:
     """Grow a tree and make a controller; if only the noise has changed, keep free space and tree."""
     tree, space = before.driver.tree, before.scenario.space
     if changed := scenario.loaded is not before.scenario.loaded:
-        space = FreeSpace.of(scenario.loaded.scene)
+        space = FreeSpace.of(scenario.problem.scene, space.grain)
     scenario = replace(scenario, space=space)
     if changed and tree is not None:
         tree = scenario.with_settings(tree=None).grown_tree()
         tree.reserve(FULLER * tree.size)
-    return World(scenario, scenario.driver(tree))
+    driver = scenario.driver(tree)
+    if isinstance(driver, Mapped) and isinstance(before.driver, Mapped):
+        driver.sensor = before.driver.sensor
+    return World(scenario, driver)
 
 
 class Live(Policy):
@@ -72,8 +76,9 @@ class Live(Policy):
     without one when it is ready. `tell` takes a line on what could not be planned.
     """
 
-    tree, run, path_integral, homology = (
-        cast(Any, property(attrgetter(f"built.driver.{name}"))) for name in ("tree", "run", "path_integral", "homology")
+    tree, run, path_integral, homology, believed = (
+        cast(Any, property(attrgetter(f"built.driver.{name}")))
+        for name in ("tree", "run", "path_integral", "homology", "believed")
     )
 
     def __init__(self, built: World, tell: Callable[[str], object], latency: float | None) -> None:
@@ -97,6 +102,8 @@ class Live(Policy):
         try:
             if (ready := self.ready(now)) is not None:
                 ready.driver.begin(x, now)
+                if isinstance(ready.driver, Mapped) and isinstance(self.built.driver, Mapped):
+                    ready.driver.go_on(self.built.driver)
                 plan = ready.driver.plan(x, left)
                 self.built = ready
                 return plan
@@ -141,7 +148,8 @@ class InteractivePlant(Executor):
         model.site_rgba[[i for i in range(model.nsite) if model.site(i).name == "goal"], 3] = 0.0
         # Actuators that hold velocities carry the robot along: a force of a moment does nothing against them.
         servos = bool(np.all(model.actuator_gainprm[:, 0] == -model.actuator_biasprm[:, 2]))
-        super().__init__(scenario.loaded, scenario.problem, period=scenario.settings.period)
+        real = scenario.real or scenario.problem
+        super().__init__(scenario.loaded, real, period=scenario.settings.period, senses=scenario.senses())
         self._carried = servos and not self._joints.rolls
 
     def reset(self, state: Array, time: float = 0.0) -> None:
@@ -177,8 +185,9 @@ class InteractivePlant(Executor):
                 self._tell(f"{event}: {error}")
                 return
             self.scenario = new
-            self.enter(new.problem)
-            self._live.request(new, self.time)
+            self.enter(new.real or new.problem)
+            if self.senses is None or not (isinstance(event, Move) and event.what != GOAL):  # else its lidar sees it
+                self._live.request(new, self.time)
         self.done.append(event)
         self._tell(f"{event} at {self.time:.2f} s")
 
@@ -206,7 +215,7 @@ class InteractivePlant(Executor):
         for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
             if clearance <= 0.0:
                 raise OptionError(f"the new place is on top of {place} or too close to it, so nothing moves")
-        scenario = replace(s, loaded=replace(loaded, scene=scene), problem=s.system.problem(scene, s.settings))
+        scenario = s.among(scene)
         self.data.mocap_pos[row] += shift
         self._home[row] = self.data.mocap_pos[row]
         return scenario
@@ -249,6 +258,8 @@ class Play:
         self.scenario = scenario.with_settings(real_time=real_time)
         self.live = Live(built, tell, None if real_time else LATENCY)
         self.plant = InteractivePlant(built.scenario, self.live, tell)
+        if isinstance(built.driver, Mapped):
+            built.driver.sensor = self.plant.senses
         self.plant.script.extend(script)
         self._rng = scenario.plant_rng()
 

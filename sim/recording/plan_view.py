@@ -17,6 +17,7 @@ import rerun as rr
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.plotting.colors import ClassColors, Color, blend
 from pirrht.plotting.strokes import even, outline
 from sim.drawing import strokes
@@ -50,11 +51,18 @@ class Pictures:
 
     def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
         self._stream, self._subject, self._colors = stream, subject, colors
+        self._first = subject
         self._fans: set[str] = set()
         self._now = (0, 0.0)  # moment of the plan drawn
         self._sizes = list[float]()  # square roots of its weights
         self._reached = 0.0  # until when there are tubes [s]
         self._words = dict[str, str]()  # of ways in space, by class
+
+    def enter(self, path_integral: PathIntegral | None) -> Subject:
+        """Return the context of the next plans, which a sampler made; None: the one before."""
+        if path_integral is not None and path_integral is not self._subject.path_integral:
+            self._subject = self._first.among(path_integral)
+        return self._subject
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
         """Log a plan at a step and simulated time [s]."""

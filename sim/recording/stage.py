@@ -48,6 +48,10 @@ MOTIONS = """
 Each **purple tube** is where an obstacle is at every time; grey walls are static, the green pillar is the goal. The
 best paths of the classes are braids around the tubes. Thin: the heaviest samples.
 """
+MAPPED = """
+**Map**: what the lidar has shown. Black: rays ended there. Grey: no ray has passed. Red: the last scan, and the outline
+where the robot believes to be. Plans know no more than that; low black boxes are their obstacles, with their numbers.
+"""
 FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"
 MOVERS, VALUE = "/world/scene/movers", "/world/scene/truth/value"
 MARK, TIMES = "/world/robot/mark", "/spacetime"
@@ -88,7 +92,7 @@ def entity(folder: str, name: str) -> str:
 
 def name_tag(subject: Subject, name: str, place: tuple[float, ...]) -> rr.AsComponents:
     """The name of a moving obstacle at a place [m]; of many obstacles they are there when hovered."""
-    few = len(subject.space.scene.movers) <= NAMED
+    few = len(subject.movers) <= NAMED
     return rr.Points3D([place], radii=0.0, labels=[name.replace("_", " ")], colors=[MOVER], show_labels=few)
 
 
@@ -113,7 +117,7 @@ def stage(subject: Subject, log: Log) -> None:
         ("/world/scene/others", shown & ~obstacles & ~robot & ~moving, None),
         ("/world/robot/body", shown & robot, geoms.ROOT),
     ]
-    for mover in scene.movers:
+    for mover in subject.movers:
         path = entity(MOVERS, mover.name)
         inside = model.body_rootid[model.geom_bodyid] == model.body(mover.name).id
         drawn.append((path, (shown | obstacles) & inside, mover.name))
@@ -188,9 +192,10 @@ def _texts(subject: Subject, log: Log) -> None:
     """Log what lines and colours mean, the settings of the run, and what the numbers on the map stand for."""
     classes = IN_SPACE if subject.in_space else IN_PLANE
     about = LEGEND.format(hz=subject.look.hz, **classes) + OPTIMAL * subject.look.truth + MOTIONS * subject.moves
+    about += MAPPED * subject.maps
     settings = properties(subject.settings).items()
     rows = [f"| {name} | {f'{value:g}' if isinstance(value, float) else value} |" for name, value in settings]
-    moving = " *Lilac*: moving obstacles." * subject.moves
+    moving = " *Lilac*: moving obstacles." * bool(subject.movers)
     signs = f"*Yellow*: the robot and its path. *White*: the path of most weight, and the control.{moving}"
     key = [f"**{k}** {name}" for k, name in enumerate(subject.names, 1) if name != f"obstacle {k}"]
     for path, lines, end in (
@@ -277,17 +282,20 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
 
 def _drive(subject: Subject) -> rrb.Container:
     """With the robot, from above with a key, and below them the reasons of the plan and what happened."""
-    tags = [f"{entity(MOVERS, mover.name)}/name" for mover in subject.space.scene.movers]
+    tags = [f"{entity(MOVERS, mover.name)}/name" for mover in subject.movers]
     eye, target = subject.loaded.overview
     orbit = rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0))
     whole = ("Overview: drag to turn it", orbit) if subject.in_space else ("From above", _tracking(ABOVE))
-    views = [
+    views: list[Any] = [
         _space(name, ["$origin/**", *(f"- {path}" for path in without)], eye, ["/world/path"])
         for name, eye, without in (
             ("With the robot", _tracking(FOLLOWING), ["/world/scene/names", "/world/names", *tags, MARK, ABOVE]),
             (*whole, [FOLLOWING]),
         )
     ]
+    if subject.maps:
+        known = rrb.Spatial2DView(origin="/map", name="What the robot knows", background=[20, 22, 26])
+        views = [rrb.Vertical(views[0], known), *views[1:]]
     upper = rrb.Horizontal(*views, rrb.TextDocumentView(origin="/key", name="Key"), column_shares=[4, 6, 2])
     return rrb.Vertical(upper, rrb.Horizontal(*_words(), column_shares=[5, 3]), row_shares=[5, 3], name="Drive")
 

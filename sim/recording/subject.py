@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.obstacle import Mover
 from pirrht.planner.tree import HomologyTree
 from sim.drive.episode import IDLE, LONGEST_WAIT
 from sim.mjcf import Loaded
@@ -24,7 +25,8 @@ from sim.recording.viewer import Look
 
 TREES = 2  # lifted trees shown, one per obstacle
 
-Moments = Sequence[tuple[int, float]]  # steps and simulated times [s]
+Moment = tuple[int, float]  # a step and simulated time [s]
+Moments = Sequence[Moment]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +49,20 @@ class Subject:
     def in_space(self) -> bool:
         """Return whether the robot moves in space."""
         return self.space.scene.dimension == 3
+
+    @property
+    def maps(self) -> bool:
+        """Return whether the robot makes a map of what it sees, and knows no more."""
+        return self.space.grain is not None
+
+    @property
+    def movers(self) -> tuple[Mover, ...]:
+        """Obstacles that move, whether plans know of them or not."""
+        return self.loaded.scene.movers
+
+    def among(self, path_integral: PathIntegral) -> Subject:
+        """Return the context of a plan whose sampler may be another one, among other obstacles; no tree is lifted."""
+        return self if path_integral is self.path_integral else replace(self, path_integral=path_integral, tree=None)
 
     @property
     def moves(self) -> bool:
@@ -75,14 +91,15 @@ class Subject:
     def stream(self) -> Stream:
         """Begin a stream; equal are application ids of equal layouts, and recording ids of equal settings and seed."""
         scene, truth = self.space.scene.name, ("truth",) if self.look.truth else ()
-        application = " ".join(map(str, ("pirrht", scene, *truth, *(k + 1 for k in self.lift))))
+        known = ("lidar",) if self.maps else ()
+        application = " ".join(map(str, ("pirrht", scene, *truth, *known, *(k + 1 for k in self.lift))))
         text = json.dumps(dict(self.settings), sort_keys=True, default=str)
         return Stream(application, f"{scene}-{hashlib.sha256(text.encode()).hexdigest()[:12]}")
 
     @cached_property
     def solids(self) -> tuple[str, ...]:
         """Name of each static solid, in the order of the scene."""
-        return names_of_solids(self.loaded, self.space.obstacles)
+        return names_of_solids(self.loaded, self.space)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

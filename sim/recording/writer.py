@@ -15,6 +15,7 @@
 /why/page     the argument of the plan in words, where a picture is due
 /tree/K       tree lifted by the H of obstacle K: references from the state
 /log          what happened
+/map, /world/map   what a robot with a lidar knows; described in `known.py`
 /timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
 """
 
@@ -39,6 +40,7 @@ from sim.drive.metrics import Frame
 from sim.mjcf.obstacles import Mocap
 from sim.recording.columns import COMPONENTS, cells
 from sim.recording.geoms import RobotPoses
+from sim.recording.known import Known
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import arriving
 from sim.recording.stage import FOLLOWING, MOVERS, OPTIMUM, TIMES, Following, entity, properties, stage
@@ -72,6 +74,7 @@ class Row:
         self.ids, self.plan_seconds = plan.ids, frame.plan_seconds
         self.outcome, self.news = frame.outcome, frame.news
         self.plan = plan if drawn else None
+        self.path_integral, self.believed = frame.path_integral, frame.believed
 
     def __getitem__(self, component: str) -> float:
         return float(self.cells[component][0])
@@ -89,8 +92,9 @@ class Writer:
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
         self._robot = RobotPoses(subject.loaded)
         self._eye = Following(scene, self._adapter.drawn(scene.start, 0.0))
-        self._mocap = Mocap(subject.loaded.model, scene.movers) if scene.movers else None
-        self._shown = [np.full(7, np.nan) for _ in scene.movers]  # the last pose that was written of each
+        self._known = Known(stream, subject)
+        self._mocap = Mocap(subject.loaded.model, subject.movers) if subject.movers else None
+        self._shown = [np.full(7, np.nan) for _ in subject.movers]  # the last pose that was written of each
         name = (scene.name, subject.settings.get("method"), subject.settings.get("seed"))
         stream.native.send_recording_name(" ".join(str(part) for part in name if part is not None))
         stream.cut()
@@ -137,8 +141,12 @@ class Writer:
         for row in rows:
             for line in wrap(row.news or "", LINE):
                 self.stream.log("/log", *row.moment, rr.TextLog(line, level="INFO"))
-            if row.plan is not None:
-                self._pictures.draw(row.plan, *row.moment)
+            if row.plan is None:
+                continue
+            subject = self._pictures.enter(row.path_integral)
+            self._pictures.draw(row.plan, *row.moment)
+            if row.believed is not None:
+                self._known.draw(row.believed, subject, self._adapter.poses(row.states[:1])[0], row.moment)
 
     def _poses(self, rows: Sequence[Row], moments: Moments) -> None:
         """Log robot, control, eye, driven path and moving obstacles, after the last step of a run also at its end."""
@@ -174,7 +182,7 @@ class Writer:
             return
         places, turns = self._mocap.poses(np.array([time for _, time in moments]))
         poses = np.concatenate([places, np.roll(turns, -1, axis=2)], axis=2)  # MuJoCo writes w first
-        for j, mover in enumerate(self._subject.space.scene.movers):
+        for j, mover in enumerate(self._subject.movers):
             if np.any(poses[:, j] != self._shown[j]):
                 self._shown[j] = poses[-1, j]
                 self._transforms(entity(MOVERS, mover.name), moments, poses[:, j])

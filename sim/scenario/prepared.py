@@ -16,7 +16,7 @@ from pirrht.problem import Problem
 from sim.mjcf import load
 from sim.mjcf.footprint import collision_of
 from sim.scenario.risk import RiskSearch
-from sim.scenario.scenario import Scenario
+from sim.scenario.scenario import Scenario, unseen
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
 from sim.states import adapter_of
 from sim.systems import chosen, named, refuse
@@ -77,7 +77,7 @@ def prepare(
         known = own.scene
         grain = None
         if numbers.sense == "lidar":
-            known = replace(known, obstacles=(), movers=(), narrow=())
+            known = unseen(known)
             grain = GRAIN * numbers.cell
         return Scenario(
             loaded=own, system=kind, settings=numbers,

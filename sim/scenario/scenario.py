@@ -105,7 +105,8 @@ class Scenario:
             raise OptionError(f"{fixed[0]} decides on the margin that keeps --risk; prepare the scene with it")
         problem = self.system.problem(self.problem.scene, settings)
         widens = self.widens and "limit" not in changes
-        return replace(self, settings=settings, problem=problem, widens=widens, spare=[], collision=None)
+        real = self.real and self.system.problem(self.real.scene, settings)
+        return replace(self, settings=settings, problem=problem, real=real, widens=widens, spare=[], collision=None)
 
     @property
     def start(self) -> Array:
@@ -141,6 +142,14 @@ class Scenario:
             path = steering.trajectory(steering.connect(steering.vertex_of(self.start)[None], goal))
             speed = float(path.length / path.durations.sum())
         return InTime.of(problem, self.settings.speed_limit, speed)
+
+    def among(self, scene: Scene) -> Self:
+        """Return it in another scene, of which a robot with a lidar knows border, start and goal alone."""
+        problem = self.system.problem(scene, self.settings)
+        loaded = replace(self.loaded, scene=scene)
+        if self.settings.sense == "map":
+            return replace(self, loaded=loaded, problem=problem)
+        return replace(self, loaded=loaded, real=problem, problem=self.system.problem(unseen(scene), self.settings))
 
     def steering(self) -> Steering:
         """Return the two-point optimum that fits the dynamics; in space and time among moving obstacles."""
@@ -316,10 +325,10 @@ class Scenario:
         """Return the robot in MuJoCo, or its stochastic equation."""
         period = self.settings.period
         if self.settings.plant == "mujoco":
-            return Executor(self.loaded, self.real or self.problem, period=period, senses=self._senses())
+            return Executor(self.loaded, self.real or self.problem, period=period, senses=self.senses())
         return Plant(self.problem, period=period, physics_step=self.physics_step)
 
-    def _senses(self) -> Senses | None:
+    def senses(self) -> Senses | None:
         """Return what the robot sees with; None: it knows the scene."""
         s = self.settings
         if s.sense == "map":
@@ -339,6 +348,11 @@ class Scenario:
             plant, driver, self.start if start is None else start, rng or self.plant_rng(), max_time=s.max_time,
             grow=s.grow, clock=Clock() if s.real_time else None, grid=grid, risk=self.collisions,
         )  # fmt: skip
+
+
+def unseen(scene: Scene) -> Scene:
+    """Return a scene without its obstacles."""
+    return replace(scene, obstacles=(), movers=(), narrow=())
 
 
 def waived_along(scene: Scene, line: Array) -> float:

@@ -33,7 +33,7 @@ def yellow(picture) -> int:
     return int(np.sum((red > 180) & (green > 140) & (blue < 110) & (red - green < 90)))
 
 
-@pytest.mark.parametrize("more", [[], ["--plant", "sde"], ["--method", "passive"]])
+@pytest.mark.parametrize("more", [[], ["--plant", "sde"], ["--method", "passive"], ["--sense", "lidar"]])
 def test_a_film_shows_the_drive_and_a_still_its_end(graphics, tmp_path, capsys, more):
     av, image = pytest.importorskip("av"), pytest.importorskip("PIL.Image")
     video, still = tmp_path / "a.mp4", tmp_path / "a.png"

@@ -4,6 +4,7 @@ import json
 import re
 import threading
 from contextlib import nullcontext
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -272,3 +273,27 @@ def test_keys_change_the_noise_and_home_is_for_the_one_who_waits(window, key, no
     window.refresh()
     assert list(window._plant.asked) == [Noise(at=0.0, noise=pytest.approx(one)) for one in noise]
     assert window.home == (key == HOME)
+
+
+@pytest.mark.slow
+def test_a_lidar_sees_a_moved_obstacle_and_no_plan_is_made_anew_for_it():
+    known = scenario(noise=0.01, sense="lidar", cell=0.1, period=0.05)
+    play, frames, said = played(known, Move(at=0.2, what="upper wall", to=(3.4, 2.45)), until=0.6)
+    assert [line for line in said if "moved" in line] == ["upper wall moved to (3.4, 2.45) at 0.20 s"]
+    assert len({id(frame.run) for frame in frames}) == 1
+    assert play.plant.scenario.loaded.scene.obstacles[0].position[1] == pytest.approx(2.45)
+    grids = [frame.believed.occupied for frame in frames]
+    assert (grids[-1] & ~grids[0]).any()
+
+
+@pytest.mark.slow
+def test_a_moved_goal_and_another_noise_keep_the_map():
+    known = scenario(noise=0.01, sense="lidar", cell=0.1, period=0.05)
+    script = [Noise(at=0.1, noise=0.02), Move(at=0.6, what="goal", to=(1.8, 3.0))]
+    play, frames, _ = played(known, *script, until=1.1)
+    assert len({id(frame.run) for frame in frames}) == 3
+    seen = [~frame.believed.unknown for frame in frames]
+    assert all(np.all(after >= before) for before, after in pairwise(seen))
+    assert play.live.built.driver.problem.dynamics.b == 0.02
+    np.testing.assert_allclose(play.live.built.driver.problem.scene.goal.center, [1.8, 3.0])
+    assert frames[-1].plan.space.scene.obstacles

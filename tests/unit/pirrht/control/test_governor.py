@@ -1,15 +1,80 @@
-"""Controls keep to speeds from which a robot can stop, among what stands and what moves."""
+"""A governor lowers controls to those from which a robot can stop."""
 
 import numpy as np
 import pytest
 
-from pirrht import FreeSpace, Scene, SingleIntegrator
-from pirrht.control.governor import Governor
+from pirrht import Footprint, FreeSpace, Scene, SingleIntegrator
+from pirrht.control.governor import TUNING, GovernedLaw, Governor
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.solids import discs
+from pirrht.systems.rover import Rover
 
-pytestmark = pytest.mark.slow  # kernels are compiled
-TASK = {"lower": (0, 0), "upper": (6, 4), "start": (1, 2), "goal": (5, 2, 0.3), "robot_radius": 0.2}
+TASK = {"lower": (0, 0), "upper": (8, 4), "start": (0.6, 2.0), "goal": (7.5, 0.5, 0.3)}
+WALL = [4.0, 1.0, 4.4, 3.0]
+DECELERATION = 3.0
+LAG = 0.12  # of the plant [s]
+
+
+def governor(**shape) -> Governor:
+    space = FreeSpace.of(Scene.from_boxes([WALL], **TASK, **(shape or {"robot_radius": 0.2})))
+    return Governor(dynamics=Rover(b=0.05), static=space.static, deceleration=DECELERATION)
+
+
+def test_a_control_from_which_the_robot_stops_is_left_alone():
+    u = np.array([1.5, 0.5])
+    np.testing.assert_array_equal(governor().admissible(np.array([1.0, 2.0, 0.0]), u), u)
+
+
+@pytest.mark.parametrize("shape", [{}, {"footprint": Footprint.rectangle(0.508, 0.43)}], ids=["disc", "rectangle"])
+def test_a_robot_that_lags_and_brakes_never_meets_the_wall_that_it_is_driven_at(shape):
+    """The plant goes on at its speed for the lag, then loses 3 m/s each second until it has what is admissible."""
+    rng = np.random.default_rng(0)
+    g = governor(**shape)
+    h = 0.02
+    for _ in range(8):
+        x = np.array([rng.uniform(0.6, 2.0), rng.uniform(1.4, 2.6), rng.uniform(-0.1, 0.1)])
+        speed = wanted = rng.uniform(0.5, 2.0)
+        pending = [speed] * round(LAG / h)
+        for _ in range(450):
+            pending.append(g.admissible(x, np.array([wanted, 0.0]))[0])
+            asked = pending.pop(0)
+            speed += np.clip(asked - speed, -DECELERATION * h, DECELERATION * h)
+            x = g.dynamics.step(x, np.array([speed, 0.0]), np.zeros(2), h)
+            assert g.static.kernels.clearance(g.static, tuple(x)[: 2 + g.static.kernels.turns]) > -0.02
+        assert speed == pytest.approx(0.0, abs=0.05)
+
+
+def test_the_share_keeps_the_curvature_and_falls_towards_a_wall():
+    g = governor()
+    u = np.array([2.0, 0.4])
+    shares = []
+    for x in np.arange(1.0, 3.8, 0.2):
+        found = g.admissible(np.array([x, 2.0, 0.0]), u)
+        if found[0] > 0.0:
+            assert found[1] / found[0] == pytest.approx(0.2)
+        shares.append(found[0] / u[0])
+    assert shares[0] == 1.0
+    assert shares[-1] < 0.3
+    assert all(np.diff(shares) <= 1e-12)
+
+
+def test_at_a_wall_the_robot_still_turns_on_the_spot_and_leaves_a_margin_backwards():
+    g = governor()
+    at_wall = np.array([3.795, 2.0, 0.0])
+    np.testing.assert_allclose(g.admissible(at_wall, np.array([1.0, 2.0])), [0.0, 2.0], atol=1e-9)
+    inside = np.array([3.85, 2.0, 0.0])
+    assert g.admissible(inside, np.array([-0.5, 0.0]))[0] == -0.5
+    assert g.admissible(inside, np.array([0.5, 0.0]))[0] == 0.0
+
+
+def test_a_governed_law_keeps_a_share_for_a_while_and_is_the_law_where_nothing_is_near():
+    g = governor()
+    law = GovernedLaw(lambda x, s: np.array([1.0 + s, 0.2]), g)
+    np.testing.assert_allclose(law(np.array([1.0, 2.0, 0.0]), 0.0), [1.0, 0.2])
+    near = np.array([3.7, 2.0, 0.0])
+    before = law(near, 0.5 * TUNING.every)
+    assert before[0] == pytest.approx(1.0 + 0.5 * TUNING.every)  # the share of before
+    assert law(near, 1.5 * TUNING.every)[0] < 0.5
 
 
 def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -> float:
@@ -17,14 +82,16 @@ def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -
     ends = np.array([(x, y), np.add((x, y), np.multiply(10.0, velocity))])
     rows = np.column_stack([[0.0, 10.0], ends, np.zeros(2)])
     mover = Mover(name="one", solids=discs([[0, 0, 0.3]], 1.0), motion=Motion(rows=rows))
-    space = FreeSpace.of(Scene.from_boxes([[5.5, 3.5, 5.8, 3.8]], **TASK)).among([mover])
-    governor = Governor(dynamics=SingleIntegrator(b=0.1), world=space.world, now=now, deceleration=2.0)
-    return float(governor.admissible(np.array([1.0, 2.0]), np.array([1.0, 0.0]))[0])
+    space = FreeSpace.of(Scene.from_boxes([WALL], **TASK, robot_radius=0.2)).among([mover])
+    dynamics = SingleIntegrator(b=0.1)
+    slow = Governor(dynamics=dynamics, static=space.static, moving=space.moving, now=now, deceleration=2.0)
+    return float(slow.admissible(np.array([1.0, 2.0]), np.array([1.0, 0.0]))[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("x", "y", "velocity", "now", "least", "most"),
-    [(1.7, 2, (0, 0), 0, 0.3, 0.8), (3.0, 2, (0, 0), 0, 1, 1),  # it stands, near and far
+    [(1.7, 2, (0, 0), 0, 0.2, 0.8), (3.0, 2, (0, 0), 0, 1, 1),  # it stands, near and far
      (1.75, 2, (-0.8, 0), 0, 0, 0.3), (1.75, 2, (0.8, 0), 0, 1, 1),  # it comes, and goes away
      (1.6, 1.2, (0, 2), 0, 0, 0.8), (1.6, 1.2, (0, 2), 1.0, 1, 1)],  # it crosses, and has crossed
 )  # fmt: skip
