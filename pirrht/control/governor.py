@@ -37,7 +37,7 @@ class Governor:
     dynamics: Dynamics
     static: Space
     deceleration: float  # [m/s^2]
-    moving: Moving = NoMoving()
+    moving: Moving = field(default_factory=NoMoving)
     now: float = 0.0  # when the plan begins, on the clock of moving obstacles [s]
     tuning: GovernorTuning = TUNING
 

@@ -29,9 +29,6 @@ from pirrht.mapping.scan import Scan
 from pirrht.mapping.tracks import Track, Tracks
 from pirrht.planner.references import Reference
 
-HORIZON = 10.0  # of predictions at constant velocity [s]
-AROUND = 0.05  # what moves is kept clear [m]
-
 
 class Sensor(Protocol):
     """Senses of a robot."""
@@ -97,6 +94,7 @@ class Mapped(Policy):
     def go_on(self, before: "Mapped") -> None:
         """Continue in the map of another policy, among the same obstacles; call it after `begin`."""
         self.map = before.map
+        self.tracks = before.tracks
         self._last = before._last
 
     def see(self, scan: Scan) -> None:
@@ -139,9 +137,10 @@ class Mapped(Policy):
 
     def _predicted(self, one: Track) -> Mover:
         """Return what moves as an obstacle of constant velocity."""
-        solids = discs([[0.0, 0.0, one.radius + AROUND]], height_of_walls(self._bare.robot_height))
-        ends = np.vstack([one.at(0.0), one.at(HORIZON)])
-        rows = np.column_stack([[0.0, HORIZON], ends, np.zeros(2)])
+        tuning = self.tracks.tuning
+        solids = discs([[0.0, 0.0, one.radius + tuning.around]], height_of_walls(self._bare.robot_height))
+        ends = np.vstack([one.at(0.0), one.at(tuning.horizon)])
+        rows = np.column_stack([[0.0, tuning.horizon], ends, np.zeros(2)])
         return Mover(name=f"track {one.number}", solids=solids, motion=Motion(rows=rows, offset=-self.tracks.time))
 
     def _adopt(self, examined: "Future[Renewed | None]") -> None:

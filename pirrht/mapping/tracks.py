@@ -16,8 +16,6 @@ from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
 from pirrht.mapping.tuning import TRACKS, TrackTuning
 
-FITS = 5  # steps by which the centre of a circle is found
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Track:
@@ -143,7 +141,7 @@ class Tracks:
     def _center(self, points: Array, guess: Array, radius: float) -> tuple[Array, Array]:
         """Return the centre of a circle of a radius [m] through points (h, 2), next to a guess, and its covariance."""
         center = guess
-        for _ in range(FITS):
+        for _ in range(self.tuning.fits):
             away = center - points
             far = np.maximum(np.hypot(*away.T), 1e-6)
             along = away / far[:, None]
@@ -192,8 +190,8 @@ class Tracks:
             cov[2:, 2:] = tuning.fastest**2 * np.eye(2)
             born.append(
                 Track(
-                    number=next(self._numbers), state=np.append(center, [0.0, 0.0]), cov=cov, radius=radius, origin=center,
-                    born=scan.time, seen=scan.time, outlines=int(whole is not None),
+                    number=next(self._numbers), state=np.append(center, [0.0, 0.0]), cov=cov, radius=radius,
+                    origin=center, born=scan.time, seen=scan.time, outlines=int(whole is not None),
                 )
             )  # fmt: skip
         return born

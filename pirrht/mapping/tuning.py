@@ -40,6 +40,9 @@ class TrackTuning(NamedTuple):
     still: float = 0.15  # speed below which it stands [m/s]
     rest: float = 1.0  # time after which what stands is a part of the map [s]
     unseen: float = 0.8  # time after which what is out of sight is forgotten [s]
+    fits: int = 5  # steps by which the centre of a circle is found
+    horizon: float = 10.0  # of predictions at constant velocity [s]
+    around: float = 0.05  # a predicted disc, which is kept clear [m]
     trail: float = 0.4  # time before it was noticed from which it may have left walls [s]
 
 
