@@ -151,7 +151,7 @@ class FreeSpace:
         homology = self.homology.with_moving(scene.movers, scene.footprint)
         return replace(self, scene=scene, homology=homology, moving=moving_of(scene) if moving is None else moving)
 
-    def among(self, movers: Sequence[Mover]) -> FreeSpace:
+    def with_blockers(self, movers: Sequence[Mover]) -> FreeSpace:
         """Return the static world and its classes among obstacles that move and make none."""
         scene = replace(self.scene, movers=tuple(movers))
         return replace(self, scene=scene, moving=moving_of(scene))

@@ -176,14 +176,14 @@ class Controller(Policy):
             self._reenter(*new)
             map_update.continue_among(self.space, self.run)
 
-    def among(self, movers: Sequence[Mover]) -> None:
+    def avoid(self, movers: Sequence[Mover]) -> None:
         """Continue among obstacles that move as predicted, on the run's clock, until the next map or prediction.
 
         They make no classes, and the tree does not know of them: guides and samples pass them in time.
         """
         if not movers and not self.space.scene.movers:
             return
-        space = self.space.among(movers)
+        space = self.space.with_blockers(movers)
         scene = replace(self.problem.scene, movers=space.scene.movers)
         self._reenter(replace(self.problem, scene=scene), space, self.tree)
         if bool(movers) != bool(self.run.route.movers):
@@ -194,7 +194,7 @@ class Controller(Policy):
     def _reenter(self, problem: Problem, space: FreeSpace, tree: HomologyTree | None) -> None:
         """Continue in another problem, with what the user gave."""
         integral = self.path_integral
-        backend = None if isinstance(integral.backend, Cpu) else integral.backend  # kernels are chosen by what moves
+        backend = None if isinstance(integral.backend, Cpu) else integral.backend  # kernels depend on moving obstacles
         self._enter(problem, space, tree, integral.sampling, propose=self.proposals.propose, backend=backend)
 
     def __repr__(self) -> str:

@@ -32,7 +32,7 @@ TUNING = GovernorTuning()
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Governor:
-    """Lowers controls, velocities of a robot, to those from which it can stop, among what stands and what moves."""
+    """Lowers controls, velocities of a robot, to those from which it can stop, among static and moving obstacles."""
 
     dynamics: Dynamics
     static: Space

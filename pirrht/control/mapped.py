@@ -1,7 +1,7 @@
 """Drive without a map: a controller among what a lidar has shown so far.
 
-What nobody has seen counts as free. What moves is no part of the map: guides and samples pass it in time, as it
-is predicted from its track. A new map changes the scene as `Controller.update` does: obstacles keep their
+What nobody has seen counts as free. Moving obstacles are no part of the map: guides and samples pass them in time, as
+tracks predict them. A new map changes the scene as `Controller.update` does: obstacles keep their
 numbers and classes their names as far as they go on, and so does what the run knows of them.
 """
 
@@ -26,7 +26,7 @@ from pirrht.geometry.solids import discs
 from pirrht.mapping.believed import Believed
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
-from pirrht.mapping.tracks import Track, Tracks
+from pirrht.mapping.tracker import Track, Tracker
 from pirrht.planner.references import Reference
 
 
@@ -67,7 +67,7 @@ class Mapped(Policy):
         self.unknown = unknown
         self.clock = clock
         self.map = self._empty()
-        self.tracks = Tracks()
+        self.tracks = Tracker()
 
         self._bare = replace(controller.problem.scene, obstacles=())
         self._vertices = 0 if controller.tree is None else controller.tree.size
@@ -85,9 +85,9 @@ class Mapped(Policy):
         """Forget the run so far and its map; a new one starts at x (n,), at a time [s]."""
         self._pending = self._last = self.believed = None
         self.map = self._empty()
-        self.tracks = Tracks()
+        self.tracks = Tracker()
         self._version = 0
-        self.controller.among(())
+        self.controller.avoid(())
         self.controller.update(self._bare, self._vertices or None)
         self.controller.begin(x, time)
 
@@ -115,7 +115,7 @@ class Mapped(Policy):
             pose = self.sensor.error
             error[reads] = pose[: len(reads)]
         self._renew()
-        self.controller.among([self._predicted(one) for one in self.tracks.moving])
+        self.controller.avoid([self._predicted(one) for one in self.tracks.moving])
         last = self.believed
         if last is None or last.scan is not self._last:
             last = Believed.of(self.map, self._last, pose)
@@ -136,7 +136,7 @@ class Mapped(Policy):
                 self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
 
     def _predicted(self, one: Track) -> Mover:
-        """Return what moves as an obstacle of constant velocity."""
+        """Return a track as a moving obstacle of constant velocity."""
         tuning = self.tracks.tuning
         solids = discs([[0.0, 0.0, one.radius + tuning.around]], height_of_walls(self._bare.robot_height))
         ends = np.vstack([one.at(0.0), one.at(tuning.horizon)])

@@ -1,4 +1,4 @@
-"""Hold the tuning numbers of maps: how much one scan counts, and what moves."""
+"""Hold the tuning numbers of maps: how much one scan counts, and how moving obstacles are tracked."""
 
 from typing import NamedTuple
 
@@ -38,7 +38,7 @@ class TrackTuning(NamedTuple):
     gone: float = 0.12  # by then, at least [m]
     slow: float = 0.25  # speed of what is on the move, at least [m/s]
     still: float = 0.15  # speed below which it stands [m/s]
-    rest: float = 1.0  # time after which what stands is a part of the map [s]
+    rest: float = 1.0  # time after which a thing that stands is a part of the map [s]
     unseen: float = 0.8  # time after which what is out of sight is forgotten [s]
     fits: int = 5  # steps by which the centre of a circle is found
     horizon: float = 10.0  # of predictions at constant velocity [s]

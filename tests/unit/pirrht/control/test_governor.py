@@ -82,7 +82,7 @@ def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -
     ends = np.array([(x, y), np.add((x, y), np.multiply(10.0, velocity))])
     rows = np.column_stack([[0.0, 10.0], ends, np.zeros(2)])
     mover = Mover(name="one", solids=discs([[0, 0, 0.3]], 1.0), motion=Motion(rows=rows))
-    space = FreeSpace.of(Scene.from_boxes([WALL], **TASK, robot_radius=0.2)).among([mover])
+    space = FreeSpace.of(Scene.from_boxes([WALL], **TASK, robot_radius=0.2)).with_blockers([mover])
     dynamics = SingleIntegrator(b=0.1)
     slow = Governor(dynamics=dynamics, static=space.static, moving=space.moving, now=now, deceleration=2.0)
     return float(slow.admissible(np.array([1.0, 2.0]), np.array([1.0, 0.0]))[0])
@@ -95,5 +95,5 @@ def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -
      (1.75, 2, (-0.8, 0), 0, 0, 0.3), (1.75, 2, (0.8, 0), 0, 1, 1),  # it comes, and goes away
      (1.6, 1.2, (0, 2), 0, 0, 0.8), (1.6, 1.2, (0, 2), 1.0, 1, 1)],  # it crosses, and has crossed
 )  # fmt: skip
-def test_a_robot_keeps_to_a_speed_from_which_it_stops_before_what_moves(x, y, velocity, now, least, most):
+def test_a_robot_keeps_to_a_speed_from_which_it_stops_before_a_moving_obstacle(x, y, velocity, now, least, most):
     assert least <= share(x, y, velocity, now) <= most

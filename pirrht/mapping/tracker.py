@@ -1,4 +1,4 @@
-"""Track what moves from scan to scan: discs of constant velocity, by a Kalman filter each.
+"""Track moving obstacles from scan to scan: discs of constant velocity, by a Kalman filter each.
 
 What is hit where it had been free may move. It is tracked from then on, and once it moves beyond doubt it is no part of
 the map. A hit belongs to the circle that it is expected nearest to, so two things that cross stay two.
@@ -55,12 +55,12 @@ class Track:
 
 
 @dataclass(slots=True, eq=False)
-class Tracks:
+class Tracker:
     """All that is tracked, from scan to scan.
 
     Examples:
-        >>> from pirrht.mapping.tracks import Tracks
-        >>> Tracks().moving
+        >>> from pirrht.mapping.tracker import Tracker
+        >>> Tracker().moving
         []
     """
 

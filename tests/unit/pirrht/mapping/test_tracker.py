@@ -6,7 +6,7 @@ from rays import scan_of
 from pirrht.geometry.solids import boxes, discs
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
-from pirrht.mapping.tracks import Tracks
+from pirrht.mapping.tracker import Tracker
 
 ROOM = boxes([[-0.1, -0.1, 8.1, 0.12], [-0.1, 5.88, 8.1, 6.1], [-0.1, -0.1, 0.12, 6.1], [7.88, -0.1, 8.1, 6.1]], 1.0)
 POSE = np.array([1.0, 3.0, 0.0])
@@ -17,7 +17,7 @@ class Watch:
 
     def __init__(self) -> None:
         self.map = OccupancyMap((0, 0), (8, 6))
-        self.tracks = Tracks()
+        self.tracks = Tracker()
         self.rng = np.random.default_rng(1)
         self.time = 0.0
 
