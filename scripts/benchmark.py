@@ -7,7 +7,8 @@
                                             turn with those of another checkout (--against)
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py effective   effective samples of all plans of drives: six robots, scenes, worlds of BARN
-    python scripts/benchmark.py barn --known   success, time and score of a Jackal in 50 worlds of BARN, or --worlds
+    python scripts/benchmark.py barn        success, time and score of a Jackal with lidar in worlds of BARN (50, or
+                                            --worlds); --known: with the map; --method: by another
     python scripts/benchmark.py sensing     rooms driven with a lidar: time of a map's update, classes that change
     python scripts/benchmark.py dynabarn    the same among moving cylinders: 15 worlds of DynaBARN by lidar, or --known
     python scripts/benchmark.py worst       where their 30 (--plans) weakest plans lose these, and what is to blame
@@ -87,6 +88,7 @@ def main() -> int:
     parser.add_argument("--shapes", nargs="+", metavar="SHAPE", help="of `effective`: footprints, radii of discs")
     parser.add_argument("--worlds", nargs="+", metavar="N", help="of `barn` and `dynabarn` (all)")
     parser.add_argument("--known", action="store_true", help="`barn`: with the map given; `dynabarn`: all motions")
+    parser.add_argument("--method", metavar="NAME", help="of `barn` (pi-rrht)")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="of `first-run`")
     parser.add_argument("--repeats", type=int, default=3, help="of `first-run` (3)")
     random = parser.add_argument_group("calibration and mass")

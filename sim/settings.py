@@ -185,6 +185,7 @@ class Settings:
     polish: bool = stated(True, "do not shorten references")
     tree: str | None = stated(None, "a tree that `pirrht plan -o` saved", "TREE.npz", commands=DRIVES[1:])
     consistency: float = stated(0.8, "best-class: factor on the value of the class followed", "C", (1e-3, 1e3))
+    look_ahead: float = stated(0.6, "pursuit: distance to the point that is steered to", "M", (0.01, 100.0))
     horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
     mppi_terminal: str = one_of(("path", "straight"), "mppi: cost after its horizon by the shortest path or the "
                                 "straight line")
@@ -234,9 +235,11 @@ class Settings:
             (length > RUN_PERIODS,
              f"--max-time {self.max_time:g} is {length:.3g} periods of --period {self.period:g}; a run has at most "
              f"{RUN_PERIODS:,}: lower the one or raise the other"),
-            (self.sense == "lidar" and (self.plant != "mujoco" or self.method in TREELESS),
-             f"--sense lidar needs a plant in MuJoCo and a tree, and this is --plant {self.plant} --method "
-             f"{self.method}"),
+            (self.sense == "lidar" and (self.plant != "mujoco" or self.method == "optimal"),
+             f"--sense lidar needs a plant in MuJoCo and a method that replans, and this is --plant {self.plant} "
+             f"--method {self.method}"),
+            (self.unknown > 0.0 and self.method in TREELESS,
+             f"--unknown is a price of references, and --method {self.method} has none; leave it out"),
             (self.sense == "map" and (self.lidar is not None or self.unknown > 0.0 or self.sense_pose > 0.0),
              "--lidar, --unknown and --sense-pose go with --sense lidar"),
             (grow and self.method in TREELESS,
@@ -263,7 +266,8 @@ BY_SETTING = {option.dest: option for option in SETTINGS}
 SPECIAL = frozenset(("noise", "speed", "rho"))  # settings that only systems use that name them
 IDENTIFYING = {*BY_SCENE, *BY_SETTING} - {"threads"}  # runs with different values belong into different datasets
 ONLY = {  # setting -> the method that uses it
-    "consistency": "best-class", "horizon": "mppi", "exploration": "mppi", "mppi_terminal": "mppi",
+    "consistency": "best-class", "look_ahead": "pursuit", "horizon": "mppi", "exploration": "mppi",
+    "mppi_terminal": "mppi",
 }  # fmt: skip
 FIXED = {"mppi": {"guide": "open-loop", "draws": "independent"}}  # method -> settings that have one value there
 PRESETS: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {  # name -> text, values, factors on the robot's own

@@ -21,7 +21,10 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
+from pirrht.control import map_update
 from pirrht.control.cost_to_go import cost_to_go, shortest_paths
+from pirrht.control.governor import governed
+from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
@@ -38,6 +41,8 @@ from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import homology_of
 from pirrht.steering.motion import step_means
 from pirrht.topology.signature import Signature
+
+TerminalCost = Callable[[Array], Array]  # costs (k,) [cost] of states (k, n)
 
 USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
 
@@ -89,27 +94,48 @@ class Mppi(Policy):
             with Sigma, which is how MPPI is tuned.
         sampling: `samples` counts all of a plan; they follow the control sequence. None: 600 independent ones.
         horizon: length of the control sequence [s].
-        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: a point's along shortest
-            paths.
-        homology, predict, rng: see `Controller`.
+        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: those of `terminal_costs`.
+        terminal_costs: makes such costs of a free space, anew for every scene; None: a point's along shortest paths.
+        homology, predict, deceleration, rng: see `Controller`.
     """
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = 3.0,
-        terminal_cost: Callable[[Array], Array] | None = None, homology: Signature | None = None,
-        predict: ConstantVelocity | None = None, rng: np.random.Generator,
+        terminal_cost: TerminalCost | None = None, terminal_costs: Callable[[FreeSpace], TerminalCost] | None = None,
+        homology: Signature | None = None, predict: ConstantVelocity | None = None, deceleration: float = 0.0,
+        rng: np.random.Generator,
     ) -> None:  # fmt: skip
         refuse_unless_positive(horizon, "the horizon", "it must be a positive number of seconds")
         sampling = sampling or USUAL
         if sampling.guide != "open-loop":
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
-        self.rng, self.homology, self.predict = rng, homology or homology_of(problem, space), predict
-        terminal_cost = terminal_cost or cost_to_go(problem, shortest_paths(space))
-        self.path_integral = path_integral(
-            problem, space, sampling, terminal_cost=terminal_cost, homology=self.homology
-        )
+        self.rng, self.predict = rng, predict
+        self.deceleration = deceleration
+        self.terminal_costs = terminal_costs or (lambda space: cost_to_go(problem, shortest_paths(space)))
+        self.terminal_cost = terminal_cost
+        self._enter(problem, space, sampling, homology)
         self.times = self.path_integral.steps(horizon)
         self.begin(problem.dynamics.state_of(problem.scene.start))
+
+    def _enter(
+        self, problem: Problem, space: FreeSpace, sampling: Sampling, homology: Signature | None = None
+    ) -> None:  # fmt: skip
+        """Replace problem and space."""
+        self.homology = homology or homology_of(problem, space)
+        self.path_integral = path_integral(
+            problem,
+            space,
+            sampling,
+            terminal_cost=self.terminal_cost or self.terminal_costs(space),
+            homology=self.homology,
+        )
+
+    def adopt(self, new: Renewed | None) -> None:
+        """Continue in a scene that `renewed` has examined; None: in the last one."""
+        if new is not None:
+            problem, space, _ = new
+            self._enter(problem, space, self.path_integral.sampling)
+            map_update.continue_among(space, self.run)
 
     def __repr__(self) -> str:
         scene, of = formatting.name(self.space.scene.name), type(self.problem.dynamics).__name__
@@ -139,4 +165,4 @@ class Mppi(Policy):
         )  # fmt: skip
         self._tape = plan.tape
         run.clock.planned(estimated=False)
-        return plan
+        return governed(plan, self.problem.dynamics, self.space.static, self.deceleration)

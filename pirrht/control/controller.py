@@ -10,12 +10,13 @@ from pirrht.arrays import Array
 from pirrht.control import map_update
 from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.checks import refuse_misfits, validate
-from pirrht.control.governor import GovernedLaw, Governor
+from pirrht.control.governor import governed
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.proposals import ProposalBuilder, Propose, Surcharge, plan_of
+from pirrht.control.pursuit import pursuing
 from pirrht.control.references import extract_references, regrow
 from pirrht.control.settings import TUNING, ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference
@@ -23,7 +24,6 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -39,7 +39,7 @@ class Controller(Policy):
 
     Args:
         tree: of the scene, grown beforehand; None only for the method "passive".
-        method, shortened, consistency, between, held, tuning: see `ControlSettings`.
+        method, shortened, consistency, look_ahead, between, held, tuning: see `ControlSettings`.
         propose: functions of a state and the default proposal of a class that return another one, or None.
         backend: simulates paths; None: compiled kernels on this machine.
         homology: tells classes apart; None: that of the tree, or of the problem.
@@ -71,14 +71,16 @@ class Controller(Policy):
 
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
-        method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
-        held: float | None = None, homology: Signature | None = None, predict: ConstantVelocity | None = None,
-        tuning: ControlTuning = TUNING, propose: Sequence[Propose] = (), backend: Backend | None = None,
-        surcharge: Surcharge | None = None, deceleration: float = 0.0, rng: np.random.Generator,
+        method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, look_ahead: float = 0.6,
+        between: str = "classes", held: float | None = None, homology: Signature | None = None,
+        predict: ConstantVelocity | None = None, tuning: ControlTuning = TUNING, propose: Sequence[Propose] = (),
+        backend: Backend | None = None, surcharge: Surcharge | None = None, deceleration: float = 0.0,
+        rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.settings = ControlSettings(
-            method=method, shortened=shortened, consistency=consistency, between=between, held=held, tuning=tuning
-        )
+            method=method, shortened=shortened, consistency=consistency, look_ahead=look_ahead, between=between,
+            held=held, tuning=tuning,
+        )  # fmt: skip
         refuse_misfits(sampling, propose, backend, rng)
         self.predict, self.rng, self.surcharge = predict, rng, surcharge
         self.deceleration = deceleration
@@ -127,6 +129,8 @@ class Controller(Policy):
             run.queried = None
             self.space.refuse_start(x)
             raise
+        if settings.use.pursues:
+            return self._governed(pursuing(self.path_integral, x, references[0], run, settings))
         # line 4: u <- PathIntegral(x_cur, U_in)
         draft = self.proposals.draft(x, references, run, budget)
         batch, estimate = self.proposals.estimate(draft, int(self.rng.integers(2**63)), run, budget)
@@ -135,43 +139,15 @@ class Controller(Policy):
         return self._governed(plan_of(self.path_integral, batch, references, estimate, run, settings))
 
     def _governed(self, plan: Plan) -> Plan:
-        """Return a plan whose controls keep to speeds from which the robot can stop."""
-        if plan.law is None or self.deceleration <= 0.0:
-            return plan
-        governor = Governor(
-            dynamics=self.problem.dynamics, static=self.space.static, moving=self.path_integral.setup.world.moving,
-            now=self.run.now, deceleration=self.deceleration,
-        )  # fmt: skip
-        return replace(plan, law=GovernedLaw(plan.law, governor))
+        moving = self.path_integral.setup.world.moving
+        return governed(plan, self.problem.dynamics, self.space.static, self.deceleration, moving, self.run.now)
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """Return what a plan at x (n,) samples first, around references."""
         return self.proposals.mixture(self.proposals.draft(x, references, self.run, TimeBudget()), self.run)
 
-    def update(self, scene: Scene, vertices: int | None = None) -> None:
-        """Continue among other static obstacles; the path driven so far still counts.
-
-        A new tree keeps vertices of the last one that are still free. Obstacles keep their numbers, and so classes
-        their names; turns about new obstacles, which come last, count from where the robot is, and one off its own
-        marker is new. What is known of a class stays while its path is free. Nothing changes if the scene is unchanged,
-        or is refused.
-
-        Args:
-            scene: with the same goal; its start does not matter.
-            vertices: of the tree; None: as many as before.
-
-        Raises:
-            OptionError: the goal is another, obstacles move, or there is no scene or no such number of vertices.
-            SceneError: obstacles cover all of the goal, or the workspace is too large for the robot.
-        """
-        self.adopt(self.renewed(scene, vertices))
-
-    def renewed(self, scene: Scene, vertices: int | None = None) -> Renewed | None:
-        """Examine another scene for `adopt`, and change nothing; None if it is unchanged. See `update`."""
-        return map_update.renewed(self.problem, self.space, self.tree, scene, vertices)
-
     def adopt(self, new: Renewed | None) -> None:
-        """Continue in a scene that `renewed` has examined."""
+        """Continue in a scene that `renewed` has examined; None: in the last one."""
         if new is not None:
             self._reenter(*new)
             map_update.continue_among(self.space, self.run)

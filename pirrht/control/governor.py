@@ -6,13 +6,13 @@ path stays. Where no share is, the robot turns on the spot if that is free.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.plan import Law
+from pirrht.control.plan import Law, Plan
 from pirrht.geometry.space import Space, at_states, pose_at
 from pirrht.geometry.world import Moving, NoMoving
 from pirrht.systems.dynamics import Dynamics
@@ -98,3 +98,17 @@ class GovernedLaw:
             self._share = np.divide(found, u, out=np.ones(len(u)), where=np.abs(u) > 1e-9)
             self._until = s + self.governor.tuning.every
         return self._share * u
+
+
+def governed(
+    plan: Plan, dynamics: Dynamics, static: Space, deceleration: float, moving: Moving | None = None, now: float = 0.0
+) -> Plan:  # fmt: skip
+    """Return a plan whose controls keep to speeds from which the robot can stop; a deceleration of 0 is none [m/s^2].
+
+    What brakes already, a fallback with a law, stays as it is.
+    """
+    if deceleration <= 0.0 or (plan.fallback is not None and plan.law is not None):
+        return plan
+    moving = NoMoving() if moving is None else moving
+    governor = Governor(dynamics=dynamics, static=static, deceleration=deceleration, moving=moving, now=now)
+    return replace(plan, law=GovernedLaw(plan.law or plan.at, governor))

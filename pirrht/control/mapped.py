@@ -1,4 +1,4 @@
-"""Drive without a map: a controller among what a lidar has shown so far.
+"""Drive without a map: a policy among what a lidar has shown so far.
 
 What nobody has seen counts as free. Moving obstacles are no part of the map: guides and samples pass them in time, as
 tracks predict them. A new map changes the scene as `Controller.update` does: obstacles keep their
@@ -15,6 +15,8 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.baselines import Mppi
+from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.controller import Controller
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
@@ -42,7 +44,7 @@ class Sensor(Protocol):
 
 
 class Mapped(Policy):
-    """A `Controller` whose scene is a map of what scans show.
+    """A `Controller` or `Mppi` whose scene is a map of what scans show.
 
     Args:
         controller: in a scene without obstacles, of a free space with a `grain`.
@@ -58,7 +60,7 @@ class Mapped(Policy):
     )
 
     def __init__(
-        self, controller: Controller, *, cell: float = 0.05, sensor: Sensor | None = None, unknown: float = 0.0,
+        self, controller: Controller | Mppi, *, cell: float = 0.05, sensor: Sensor | None = None, unknown: float = 0.0,
         background: bool = False, clock: Callable[[], float] = time.perf_counter,
     ) -> None:  # fmt: skip
         self.controller = controller
@@ -69,13 +71,16 @@ class Mapped(Policy):
         self.map = self._empty()
         self.tracks = Tracker()
 
+        self._brake = Brake(problem=controller.problem)
         self._bare = replace(controller.problem.scene, obstacles=())
         self._vertices = 0 if controller.tree is None else controller.tree.size
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="mapper") if background else None
         self._pending: Future[Renewed | None] | None = None
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
-        controller.surcharge = self._surcharge if unknown > 0.0 else None
+        self._covered = False  # whether no place of the goal is free in it
+        if isinstance(controller, Controller):
+            controller.surcharge = self._surcharge if unknown > 0.0 else None
 
     def _empty(self) -> OccupancyMap:
         scene = self.space.scene
@@ -87,7 +92,8 @@ class Mapped(Policy):
         self.map = self._empty()
         self.tracks = Tracker()
         self._version = 0
-        self.controller.avoid(())
+        self._avoid()
+        self._covered = False
         self.controller.update(self._bare, self._vertices or None)
         self.controller.begin(x, time)
 
@@ -99,7 +105,7 @@ class Mapped(Policy):
 
     def see(self, scan: Scan) -> None:
         """Add a scan to the map; the next plan counts with it."""
-        passing = self.tracks.see(scan, self.map)
+        passing = self.tracks.see(scan, self.map) if isinstance(self.controller, Controller) else None
         self.map.integrate(scan, free_around=self.space.scene.footprint.inscribed, passing=passing)
         self._last = scan
 
@@ -115,11 +121,13 @@ class Mapped(Policy):
             pose = self.sensor.error
             error[reads] = pose[: len(reads)]
         self._renew()
-        self.controller.avoid([self._predicted(one) for one in self.tracks.moving])
+        self._avoid()
         last = self.believed
         if last is None or last.scan is not self._last:
             last = Believed.of(self.map, self._last, pose)
         self.believed = replace(last, seconds=self.clock() - began)
+        if self._covered:
+            return shifted(blocked_plan(self._brake, x + error, self.run, self.space, "no reference"), error)
         return shifted(self.controller.plan(x + error, left), error)
 
     def _renew(self) -> None:
@@ -135,6 +143,11 @@ class Mapped(Policy):
             else:
                 self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
 
+    def _avoid(self) -> None:
+        """Predict moving obstacles; without a `Controller` they are walls."""
+        if isinstance(self.controller, Controller):
+            self.controller.avoid([self._predicted(one) for one in self.tracks.moving])
+
     def _predicted(self, one: Track) -> Mover:
         """Return a track as a moving obstacle of constant velocity."""
         tuning = self.tracks.tuning
@@ -144,12 +157,13 @@ class Mapped(Policy):
         return Mover(name=f"track {one.number}", solids=solids, motion=Motion(rows=rows, offset=-self.tracks.time))
 
     def _adopt(self, examined: "Future[Renewed | None]") -> None:
-        """Continue in a map; in the last one, if the goal is covered in it."""
+        """Continue in a map, or wait until another one if the goal is covered in it."""
         self._pending = None
         try:
             self.controller.adopt(examined.result())
+            self._covered = False
         except SceneError:
-            return
+            self._covered = True
 
     def _surcharge(self, reference: Reference) -> float:
         """Price what nobody has seen of a reference [cost]."""

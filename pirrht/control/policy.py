@@ -9,6 +9,8 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
+from pirrht.control import map_update
+from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.run_state import RunState
@@ -16,6 +18,7 @@ from pirrht.control.settings import TimeBudget
 from pirrht.errors import OptionError, refuse_unless_positive
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Scene
 from pirrht.mapping.believed import Believed
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -92,6 +95,32 @@ class Policy(ABC):
         states = np.atleast_2d(self.problem.dynamics.checked(states, many=True))
         self.run.passed(duration)
         self.run.route.path.expect(states, self.run.now)
+
+    def update(self, scene: Scene, vertices: int | None = None) -> None:
+        """Continue among other static obstacles; the path driven so far still counts.
+
+        A new tree keeps vertices of the last one that are still free. Obstacles keep their numbers, and so classes
+        their names; turns about new obstacles, which come last, count from where the robot is, and one off its own
+        marker is new. What is known of a class stays while its path is free. Nothing changes if the scene is unchanged,
+        or is refused.
+
+        Args:
+            scene: with the same goal; its start does not matter.
+            vertices: of the tree; None: as many as before.
+
+        Raises:
+            OptionError: the goal is another, obstacles move, or there is no scene or no such number of vertices.
+            SceneError: obstacles cover all of the goal, or the workspace is too large for the robot.
+        """
+        self.adopt(self.renewed(scene, vertices))
+
+    def renewed(self, scene: Scene, vertices: int | None = None) -> Renewed | None:
+        """Examine another scene for `adopt`, and change nothing; None if it is unchanged. See `update`."""
+        return map_update.renewed(self.problem, self.space, self.tree, scene, vertices)
+
+    def adopt(self, new: Renewed | None) -> None:
+        """Continue in a scene that `renewed` has examined; None: in the last one. OptionError: this policy has one."""
+        raise OptionError(f"{type(self).__name__} knows one scene alone; make another for the new one")
 
     def driven_class(self) -> tuple[int, ...]:
         """Return the class (M,) of the driven path, completed by a straight line to the goal point [turns]."""

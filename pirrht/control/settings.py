@@ -21,6 +21,7 @@ class Method:
     text: str
     most: int | None = None  # references that are sampled around, cheapest first; None: all
     alone: bool = False  # the control is that of the best class, each estimated from its own samples
+    pursues: bool = False  # there are no samples: the cheapest reference is followed
 
     @property
     def mixes(self) -> bool:
@@ -35,6 +36,7 @@ SAMPLING = {
         alone=True,
     ),
     "single": Method(text="importance sampling around the cheapest reference only", most=1),
+    "pursuit": Method(text="no samples: pure pursuit of the cheapest reference (Coulter 1992)", most=1, pursues=True),
     "passive": Method(text="no reference: sample the passive dynamics", most=0),
 }
 METHODS = {name: method.text for name, method in SAMPLING.items()} | {
@@ -42,6 +44,7 @@ METHODS = {name: method.text for name, method in SAMPLING.items()} | {
     "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
 TREELESS = ("passive", "mppi", "optimal")
+WITHOUT_SAMPLES = ("pursuit", "optimal")
 
 
 class ControlTuning(NamedTuple):
@@ -84,6 +87,7 @@ class ControlSettings:
     method: str = "pi-rrht"
     shortened: bool = True  # shorten references inside their class
     consistency: float = 0.8  # factor on the value of the class followed so far under "best-class"
+    look_ahead: float = 0.6  # distance to the point of a path that "pursuit" steers to [m]
     held: float | None = None  # time for which the plant holds a control between plans [s]; None: it does not
     between: str = "classes"  # until the next plan follow the state by "classes", or "hold" the control (paper)
     tuning: ControlTuning = TUNING

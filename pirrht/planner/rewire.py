@@ -35,7 +35,7 @@ class SearchRules(NamedTuple):
     classes: int  # K: the most classes of a vertex, the cheapest; 0 keeps all
     bases_allowed: bool  # whether no base breaks the limit: then only obstacles that a class turns around can
     mirrored: bool  # whether every edge may be driven the other way round at the same cost
-    asks: bool  # whether FCL is asked about what certificates cannot tell; else that is not free
+    asks: bool  # whether FCL judges what certificates cannot tell; else that is not free
 
 
 class Candidate(NamedTuple):

@@ -17,6 +17,7 @@ from benchmarks.moving_text import prepared
 from benchmarks.pool import spread
 
 from pirrht.errors import OptionError
+from sim.barn import FASTEST
 from sim.importing.scene_file import import_world
 from sim.scenario import Scenario
 
@@ -47,7 +48,7 @@ class Run(NamedTuple):
     world: str
     seed: int
     known: bool
-    best: float = LENGTH / barn.FASTEST
+    best: float = LENGTH / FASTEST
 
     def scenario(self) -> Scenario:
         """Prepare it."""

@@ -13,7 +13,7 @@ from itertools import groupby, product
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmarks.barn import START, world, worlds
+from benchmarks.barn import world, worlds
 from benchmarks.moving_text import prepared
 from benchmarks.pool import spread
 from worlds import grown
@@ -21,6 +21,7 @@ from worlds.page import Page
 
 from pirrht.errors import NoReference, SceneError
 from pirrht.estimation.sampling import TUNING
+from sim import barn
 from sim.scenario import Scenario, prepare
 
 ROBOTS = ("puck", "unicycle", "diffdrive", "hover", "rover", "car")
@@ -53,7 +54,7 @@ class Drive(NamedTuple):
         if self.kind == self.scene:
             return prepare(self.scene, **given)
         page = GROWN[self.scene]() if self.kind == "grown" else world(self.scene, **NARROW)
-        return prepared("scene", page.text(), **given, **({"start": START} if self.kind == "BARN" else {}))
+        return prepared("scene", page.text(), **given, **({"start": barn.START} if self.kind == "BARN" else {}))
 
 
 def drives(options: argparse.Namespace) -> Iterator[Drive]:

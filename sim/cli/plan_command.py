@@ -15,7 +15,7 @@ from numba.core import event
 from tqdm import tqdm
 
 from pirrht.arrays import Array
-from pirrht.control.settings import TREELESS
+from pirrht.control.settings import TREELESS, WITHOUT_SAMPLES
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import ROUNDING
 from pirrht.jit import cache
@@ -216,8 +216,10 @@ def estimate(arguments: argparse.Namespace) -> int:
     """Estimate value and control at one state, repeated with independent samples."""
     scenario = scenario_of(arguments)
     settings = scenario.settings
-    if settings.method == "optimal":
-        raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
+    if settings.method in WITHOUT_SAMPLES:
+        raise OptionError(
+            f"--method {settings.method} draws no samples to estimate from; add --truth to another method"
+        )
     x, time = state_of(arguments.at, scenario), arguments.time
     if time > 0.0 and not scenario.moving:
         raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")

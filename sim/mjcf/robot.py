@@ -31,6 +31,7 @@ from sim.systems import System, named, names
 from sim.text import counted
 
 _GEOM = mujoco.mjtGeom
+_FILTERS = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)  # of a command, which settles at it
 NO_DISC = 'sphere geom "footprint" in its body "robot"'
 _INNER = ("type", "size", "pos", "group", "rgba", "contype", "conaffinity", "mass", "density")
 
@@ -164,9 +165,10 @@ def _declared_system(spec: mujoco.MjSpec) -> System:
 
 
 def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) -> tuple[Array, Array]:
-    """Least and greatest control (m,) that no actuator cuts off at its ctrlrange; infinite where none would.
+    """Least and greatest control (m,) that no actuator cuts off at its ranges; infinite where none would.
 
-    Actuators that several controls share bound none of them.
+    They are its ctrlrange and, where it filters its command, its actrange. Actuators that several controls share bound
+    none of them.
     """
     x = np.zeros(dynamics.n)
     per_control = np.eye(dynamics.m) if dynamics.input_form else dynamics.G_c(x).T
@@ -176,11 +178,15 @@ def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) ->
     low = np.full(dynamics.m, -np.inf)
     high = np.full(dynamics.m, np.inf)
 
-    for i in np.flatnonzero(model.actuator_ctrllimited & (np.count_nonzero(slopes, axis=1) == 1)):
-        j = np.flatnonzero(slopes[i])[0]
-        least, most = np.sort((model.actuator_ctrlrange[i] - still[i]) / slopes[i, j])
-        low[j] = max(low[j], least)
-        high[j] = min(high[j], most)
+    filtered = model.actuator_actlimited & np.isin(model.actuator_dyntype, _FILTERS)
+    for limited, ranges in (
+        (model.actuator_ctrllimited, model.actuator_ctrlrange), (filtered, model.actuator_actrange)
+    ):  # fmt: skip
+        for i in np.flatnonzero(limited & (np.count_nonzero(slopes, axis=1) == 1)):
+            j = np.flatnonzero(slopes[i])[0]
+            least, most = np.sort((ranges[i] - still[i]) / slopes[i, j])
+            low[j] = max(low[j], least)
+            high[j] = min(high[j], most)
     return low, high
 
 

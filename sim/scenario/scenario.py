@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.baselines import Mppi
+from pirrht.control.baselines import Mppi, TerminalCost
 from pirrht.control.controller import Controller
 from pirrht.control.cost_to_go import shortest_paths, straight_lines
 from pirrht.control.mapped import Mapped
@@ -300,13 +300,20 @@ class Scenario:
         if s.method == "mppi":
             sampling = replace(sampling, first=None, guide="open-loop", draws="independent")
             problem = self.system.problem(self.problem.scene, replace(s, noise=s.exploration * s.noise))
-            straight = s.mppi_terminal == "straight"
-            remaining = straight_lines(problem.scene.goal) if straight else shortest_paths(self.space)
-            beyond = self.system.cost_to_go(problem, remaining)
-            return Mppi(problem, self.space, sampling, horizon=s.horizon, terminal_cost=beyond, **more)
+
+            def terminal_costs(space: FreeSpace) -> TerminalCost:
+                straight = s.mppi_terminal == "straight"
+                remaining = straight_lines(problem.scene.goal) if straight else shortest_paths(space)
+                costs: TerminalCost = self.system.cost_to_go(problem, remaining)
+                return costs
+
+            return Mppi(
+                problem, self.space, sampling, horizon=s.horizon, terminal_costs=terminal_costs, deceleration=s.brake,
+                **more,
+            )  # fmt: skip
         return Controller(
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
-            between=s.between, held=self.physics_step, deceleration=s.brake, **more,
+            look_ahead=s.look_ahead, between=s.between, held=self.physics_step, deceleration=s.brake, **more,
         )  # fmt: skip
 
     def driver(
@@ -317,7 +324,7 @@ class Scenario:
         if s.method == "optimal":
             return self.optimal(truth, progress)
         controller = self.controller(tree)
-        if s.sense == "map" or not isinstance(controller, Controller):
+        if s.sense == "map":
             return controller
         return Mapped(controller, cell=s.cell, unknown=s.unknown, background=s.real_time)
 

@@ -101,6 +101,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("plan slit --robot pack", "pack: no such robot (did you mean puck?)", "give the path"),
     ("plan slut", "slut: no such scene (did you mean slit?)", "give the path"),
     ("estimat slit", "'estimat' is no command (did you mean estimate?)", "one of demo"),
+    ("estimate slit --at 1 2.5 --method pursuit", "--method pursuit draws no samples", "--truth"),
     ("run slit --consistency 0.5", "--consistency is of the method best-class alone", ""),
     ("sweep slit --methods single,passive --exploration 2", "--exploration is of the method mppi alone", ""),
     ("run slit --method mppi --guide feedback", "--guide: the method mppi has no such choice", ""),

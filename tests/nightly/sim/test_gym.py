@@ -29,6 +29,27 @@ def test_every_scene_is_registered_and_passes_gymnasiums_own_checks(scene: str):
         check_env(gymnasium.make("pirrht/Scene-v0", scene=scene, bound=2.0).unwrapped)
 
 
+MOTIONS = {"0": {"obstacles": [{"name": "a", "radius": 0.4, "keys": [[0, 0, 5], [4, 0, -5]]}]}}
+
+
+@pytest.mark.parametrize(
+    ("name", "options"), [("Barn", {}), ("Barn", {"worlds": [[]]}), ("DynaBarn", {"worlds": MOTIONS})]
+)
+def test_courses_with_a_lidar_pass_gymnasiums_own_checks(name, options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        check_env(gymnasium.make(f"pirrht/{name}-v0", **options).unwrapped)
+
+
+def test_a_body_that_moves_is_seen_where_it_is_now():
+    env = gym.DynaBarn(MOTIONS)
+    seen, _ = env.reset(seed=0)
+    for _ in range(20):
+        later, *_ = env.step(np.zeros(2))
+    assert np.abs(later["ranges"] - seen["ranges"]).max() > 1.0
+    assert env.best == pytest.approx(10.0)
+
+
 def test_a_name_is_enough_to_import_us():
     script = "import gymnasium; print(gymnasium.make('sim.gym:pirrht/Slit-v0').unwrapped.job.scene)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

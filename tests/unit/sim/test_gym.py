@@ -7,7 +7,7 @@ import pytest
 from plants import ahead
 
 from pirrht import OptionError, Unicycle
-from sim import gym
+from sim import barn, gym
 from sim.mjcf.robot import control_limits
 from sim.scenario import Scenario, prepare
 
@@ -159,8 +159,77 @@ def test_the_ranges_of_the_actuators_bound_the_actions():
     assert gym.Drive("slit", robot="unicycle", bound=2.0).action_space.high == 2.0
     assert gym.Drive("slit", robot="unicycle", plant="sde").action_space.high == np.inf
     wheels = np.array([[10.0, -1.5], [10.0, 1.5]])
-    limited = SimpleNamespace(actuator_ctrllimited=np.ones(2, bool), actuator_ctrlrange=np.array([[-20.0, 16.0]] * 2))
+    limited = SimpleNamespace(
+        actuator_ctrllimited=np.ones(2, bool), actuator_ctrlrange=np.array([[-20.0, 16.0]] * 2),
+        actuator_actlimited=np.zeros(2, bool), actuator_actrange=np.zeros((2, 2)), actuator_dyntype=np.zeros(2),
+    )  # fmt: skip
     low, high = control_limits(limited, wheels, Unicycle(V=1.0, rho=0.5))
     np.testing.assert_allclose([low, high], [[-2.0], [2.0]])
     for u in (low, high):
         assert (wheels @ Unicycle(V=1.0, rho=0.5).twist(np.zeros(3), u / 0.5)).max() == pytest.approx(16.0)
+
+
+def test_a_jackal_in_barn_sees_ranges_its_goal_and_its_speed_and_its_actions_are_bounded():
+    env = gym.Barn()
+    np.testing.assert_allclose(env.action_space.high, [2.0, 4.0], rtol=1e-3)
+    np.testing.assert_allclose(env.action_space.low, [-2.0, -4.0], rtol=1e-3)
+    seen, info = env.reset(seed=1, options={"world": 3})
+    assert env.observation_space.contains(seen)
+    np.testing.assert_allclose(seen["goal"], [10.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(seen["pose"], barn.START)
+    assert seen["ranges"][[120, 599]] == pytest.approx([2.14, 2.14], abs=0.05)  # walls to the right and to the left
+    assert (info["world"], info["score"]) == ("3", 0.0)
+    for _ in range(5):
+        seen, reward, *ends, info = env.step(np.array([1.0, 0.0]))
+    assert 0.7 < seen["speed"][0] < 1.3
+    assert seen["goal"][0] == pytest.approx(10.0 - 0.4, abs=0.1)
+    assert (reward, ends, info["score"]) == (0.0, [False, False], 0.0)
+    again = gym.Barn({"some": barn.grown(3)})
+    np.testing.assert_array_equal(
+        again.reset(seed=1)[0]["ranges"], env.reset(seed=1, options={"world": "3"})[0]["ranges"]
+    )
+
+
+@pytest.mark.parametrize(("turns", "outcome", "points"), [(0.0, "goal", 0.5), (1.0, "collision", 0.0)])
+def test_the_rewards_of_barn_add_up_to_its_score(turns: float, outcome: str, points: float):
+    env = gym.Barn([[]] if turns == 0.0 else [[[-2.25, 3.8]]], lengths={"0": 11.0})
+    _, rewards, _, info = driven(env, lambda x: np.array([1.5, 2.0 * x["goal"][1] * (1.0 - turns)]))
+    assert (info["outcome"], info["score"], sum(rewards)) == (outcome, points, points)
+    assert env.result()["score"] == points
+    assert env.best == pytest.approx(5.5)
+
+
+def test_worlds_of_barn_that_cannot_be_are_refused():
+    for options, words in (
+        ({"robot": "puck"}, "robot: no argument of an environment whose worlds have their own"),
+        ({"worlds": []}, "there is no world"), ({"worlds": [[1.0, 2.0, 3.0]]}, r"world '0': .*centres are"),
+    ):  # fmt: skip
+        with pytest.raises(OptionError, match=words):
+            gym.Barn(**options)
+    with pytest.raises(OptionError, match="grown worlds have numbers"):
+        gym.Barn().reset(options={"world": "first"})
+    with pytest.raises(OptionError, match=r"there is no world 'b'; those are .*a"):
+        gym.Barn({"a": []}).reset(options={"world": "b"})
+
+
+@pytest.mark.parametrize("method", ["pi-rrht", "pursuit", "mppi"])
+def test_our_methods_are_policies_of_environments(method: str):
+    env = gym.Drive("slit", noise=0.1, vertices=50, samples=20, max_time=0.05)
+    (row,) = gym.score(gym.method_of(env, method=method), environment=env, seeds=[3], method=method)
+    assert row["outcome"] == "timeout"
+    assert row["path_length"] > 0.02
+    assert row["fallbacks"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["pi-rrht", "pursuit", "mppi"])
+def test_our_methods_cross_a_world_of_barn_without_a_map(method: str):
+    env = gym.Barn()
+    act = gym.method_of(env, method=method)
+    seen, _ = env.reset(seed=0, options={"world": 1})
+    over = False
+    while not over:
+        seen, reward, *ends, info = env.step(act(seen))
+        over = any(ends)
+    assert info["outcome"] == "goal"
+    assert reward > 0.4

@@ -2,6 +2,7 @@
 
 import inspect
 import re
+from contextlib import nullcontext
 from dataclasses import fields, replace
 from types import SimpleNamespace
 
@@ -94,6 +95,19 @@ def test_what_one_of_several_methods_uses_is_not_refused():
     refuse_unused({"guide": "open-loop", "draws": "independent"}, ["mppi"])
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"method": "optimal"}, "--sense lidar needs a plant in MuJoCo and a method that replans"),
+        ({"method": "mppi", "unknown": 1.0}, "--unknown is a price of references, and --method mppi has none"),
+        ({"method": "mppi"}, None), ({"method": "pursuit", "unknown": 1.0}, None),
+    ],
+)  # fmt: skip
+def test_whatever_replans_can_do_without_a_map(given, words):
+    with pytest.raises(OptionError, match=words) if words else nullcontext():
+        Settings(sense="lidar", **given)
+
+
 # -- what follows from the records ------------------------------------------------------------------------------------
 
 
@@ -102,6 +116,7 @@ def test_defaults_are_of_the_kind_of_their_option_and_those_of_the_method():
         value = getattr(Settings(), name)
         assert option.kind is bool or value is None or isinstance(value, option.kind)
     assert Settings().consistency == ControlSettings().consistency
+    assert Settings().look_ahead == ControlSettings().look_ahead
     assert Settings().horizon == inspect.signature(Mppi).parameters["horizon"].default
 
 

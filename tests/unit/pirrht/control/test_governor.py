@@ -1,10 +1,12 @@
 """A governor lowers controls to those from which a robot can stop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pirrht import Footprint, FreeSpace, Scene, SingleIntegrator
-from pirrht.control.governor import TUNING, GovernedLaw, Governor
+from pirrht import Footprint, FreeSpace, Plan, Scene, SingleIntegrator
+from pirrht.control.governor import TUNING, GovernedLaw, Governor, governed
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.solids import discs
 from pirrht.systems.rover import Rover
@@ -97,3 +99,18 @@ def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -
 )  # fmt: skip
 def test_a_robot_keeps_to_a_speed_from_which_it_stops_before_a_moving_obstacle(x, y, velocity, now, least, most):
     assert least <= share(x, y, velocity, now) <= most
+
+
+@pytest.mark.parametrize(("x", "least"), [(1.0, 2.0), (3.1, 0.5), (3.6, 0.0)])
+def test_a_plan_whose_control_is_held_is_governed_too_but_no_brake(x: float, least: float):
+    g = governor()
+    held = Plan(
+        state=np.array([1.0, 2.0, 0.0]), times=np.array([0.0, 0.1]), instead=np.array([[2.0, 0.0]]), references=(),
+        ids=(), estimate=None, fallback=None,
+    )  # fmt: skip
+    speed = governed(held, g.dynamics, g.static, DECELERATION).at(np.array([x, 2.0, 0.0]), 0.0)[0]
+    assert least <= speed <= 2.0
+    assert speed * LAG + speed**2 / (2.0 * DECELERATION) <= 3.8 - x
+    brakes = replace(held, fallback="no survivor", law=lambda x, s: np.zeros(2))
+    assert governed(held, g.dynamics, g.static, 0.0) is held
+    assert governed(brakes, g.dynamics, g.static, DECELERATION) is brakes

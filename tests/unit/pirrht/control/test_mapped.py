@@ -137,17 +137,25 @@ def crosses(a, b, c, d) -> bool:
     return side(a, b, c) * side(a, b, d) < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
 
 
-def test_a_goal_that_the_map_covers_leaves_the_last_map_in_use():
+def test_the_robot_waits_while_the_map_covers_its_goal():
     policy = mapped()
     policy.begin(START)
     policy.plan(START)
     space = policy.space
-    look(policy, [[5.0, 1.5, 6.0, 2.5]], *[(5.0 + 0.02 * k, 3.4) for k in range(5)], (4.0, 2.0))
-    policy.map._odds[30:50, 102:120] = 1.0
+    block = [5.0, 1.5, 6.0, 2.5]
+    sides = [(4.0, 2.0), *((x, y) for x in np.arange(5.0, 6.0, 0.2) for y in (1.0, 3.0))]
+    look(policy, [block], *sides)
+    policy.map._odds[30:50, 102:120] = 1.0  # and its inside
     policy.map.version += 1
     policy.observe(START[None], 0.01)
-    assert policy.plan(START).ids
+    plan = policy.plan(START)
+    assert plan.fallback == "no reference"
+    assert np.hypot(*plan.control) < 0.2
     assert policy.space is space
+    policy.map._odds[:] = 0.0  # it is taken away
+    policy.map.version += 1
+    policy.observe(START[None], 0.01)
+    assert policy.plan(START).fallback is None
 
 
 def test_a_metre_that_nobody_has_seen_costs_what_it_is_said_to():

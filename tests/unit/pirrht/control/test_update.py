@@ -4,10 +4,25 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from rays import scan_of
 from thoroughly import thorough
 from trees import grown, point
 
-from pirrht import Controller, Dubins, FreeSpace, OptionError, Problem, Sampling, Scene, SceneError, Unicycle
+from pirrht import (
+    Controller,
+    Dubins,
+    FreeSpace,
+    Mppi,
+    Optimal,
+    OptionError,
+    Problem,
+    Sampling,
+    Scene,
+    SceneError,
+    SingleIntegrator,
+    Unicycle,
+)  # fmt: skip
+from pirrht.control.mapped import Mapped
 from pirrht.geometry.collision import Collision
 
 WALLS = [[2.0, 0.75, 2.4, 2.1], [2.0, 2.9, 2.4, 4.25]]
@@ -201,3 +216,39 @@ def test_what_a_controller_cannot_use_is_refused_in_one_line_and_changes_nothing
 def test_a_number_of_sampling_that_is_none_is_refused(name: str):
     with pytest.raises(OptionError, match=f"^{name} is 'x'; it must be a number$"):
         Sampling(**{name: "x"})
+
+
+def mppi(scene: Scene) -> Mppi:
+    problem = Problem(dynamics=SingleIntegrator(b=0.3), scene=scene, R=2.0 * np.eye(2))
+    sampling = Sampling(samples=300, guide="open-loop", draws="independent")
+    return Mppi(problem, FreeSpace.of(scene), sampling, horizon=0.3, rng=np.random.default_rng(1))
+
+
+def test_mppi_goes_on_along_the_shortest_paths_of_another_scene():
+    one = mppi(room())
+    x = one.problem.dynamics.state_of(one.problem.scene.start)
+    open_room = one.plan(x).estimate.value
+    one.update(room([2.0, 0.75, 2.4, 5.0]))
+    assert len(one.space.scene.obstacles) == 1
+    detour = 2.0 * (np.hypot(1.5, 1.9) + np.hypot(3.3, 1.8) - 4.75)  # below the wall, at 2 a metre
+    assert one.plan(x).estimate.value - open_room == pytest.approx(detour, rel=0.2)
+    one.update(room())
+    assert one.plan(x).estimate.value == pytest.approx(open_room, rel=0.05)
+
+
+def test_mppi_drives_by_what_scans_show():
+    (wall,) = room([2.0, 0.75, 2.4, 5.0]).obstacles
+    one = Mapped(mppi(room()), cell=0.1)
+    x = one.problem.dynamics.state_of(one.problem.scene.start)
+    one.begin(x)
+    open_room = one.plan(x).estimate.value
+    one.see(scan_of([wall], np.append(x, 0.0)))
+    assert one.plan(x).estimate.value > open_room + 0.3
+    assert one.space.scene.obstacles
+    one.begin(x)
+    assert not one.space.scene.obstacles
+
+
+def test_a_law_that_is_solved_for_one_scene_has_no_other():
+    with pytest.raises(OptionError, match="Optimal knows one scene alone; make another"):
+        Optimal.__new__(Optimal).adopt(None)
