@@ -21,8 +21,6 @@ from pirrht.jit.jit import kernel
 from pirrht.mapping.scan import Scan
 from pirrht.mapping.tuning import TUNING, MapTuning
 
-NEVER = -(1 << 40)  # a scan before all others
-
 
 class OccupancyMap:
     """A grid in the plane that scans fill; what none has seen is free and unknown.
@@ -63,7 +61,7 @@ class OccupancyMap:
         self._odds = np.zeros((rows, columns))
         self._hits = np.zeros((rows, columns, 2))  # the last one in each cell [cells]
         self._stamps = np.zeros((rows, columns), np.int64)  # of the last scan that changed it
-        self._met = np.full((rows, columns), NEVER)  # scan that hit it first after it had been free
+        self._met = np.full((rows, columns), -tuning.recent)  # scan that hit it first after it had been free
         self._scans = 0
 
     def __repr__(self) -> str:
@@ -160,7 +158,7 @@ def _raise(odds, seen, hits, stamps, met, scan, place, angles, ranges, tuning): 
             if stamps[row, column] != scan:
                 stamps[row, column] = scan
                 if odds[row, column] <= 0.0:
-                    met[row, column] = scan if seen[row, column] else NEVER
+                    met[row, column] = scan if seen[row, column] else -tuning.recent
                 odds[row, column] = min(odds[row, column] + tuning.hit, tuning.most)
                 seen[row, column] = True
 
