@@ -151,6 +151,11 @@ class FreeSpace:
         homology = self.homology.with_moving(scene.movers, scene.footprint)
         return replace(self, scene=scene, homology=homology, moving=moving_of(scene) if moving is None else moving)
 
+    def with_blockers(self, movers: Sequence[Mover]) -> FreeSpace:
+        """Return the static world and its classes among obstacles that move and make none."""
+        scene = replace(self.scene, movers=tuple(movers))
+        return replace(self, scene=scene, moving=moving_of(scene))
+
     def with_prediction(self, movers: Sequence[Mover]) -> FreeSpace:
         """Return the space with predicted motions of its movers; one thread at a time may query both of them."""
         return self.with_movers(movers, self.moving.with_motions(movers))

@@ -10,6 +10,7 @@
     python scripts/benchmark.py barn        success, time and score of a Jackal with lidar in worlds of BARN (50, or
                                             --worlds); --known: with the map; --method: by another
     python scripts/benchmark.py sensing     rooms driven with a lidar: time of a map's update, classes that change
+    python scripts/benchmark.py dynabarn    the same among moving cylinders: 15 worlds of DynaBARN by lidar, or --known
     python scripts/benchmark.py worst       where their 30 (--plans) weakest plans lose these, and what is to blame
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
     python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
@@ -48,7 +49,7 @@ PARTS = {
 }
 TABLES = (
     *("speed", "first-run", "obstacles", "maps", "presets", "roadmap"),
-    *("effective", "barn", "sensing", "worst", "quality", "calibration", "risk", "mass"),
+    *("effective", "barn", "dynabarn", "sensing", "worst", "quality", "calibration", "risk", "mass"),
 )
 
 
@@ -76,7 +77,8 @@ def main() -> int:
         "--seeds",
         type=int,
         default=300,
-        help="drives per row of `quality` and `risk` (300), per scene of `effective` (2), per world of `barn` (10)",
+        help="drives per row of `quality` and `risk` (300), per scene of `effective` (2), per world of `barn` or "
+        "`dynabarn` (10)",
     )
     parser.add_argument(
         "--png",
@@ -84,8 +86,8 @@ def main() -> int:
         help="draw `calibration`, `maps`, samples and drives of `quality`, or kept and tradeoff of `risk`",
     )
     parser.add_argument("--shapes", nargs="+", metavar="SHAPE", help="of `effective`: footprints, radii of discs")
-    parser.add_argument("--worlds", nargs="+", metavar="N", help="of `barn` (all)")
-    parser.add_argument("--known", action="store_true", help="`barn`: with the map given")
+    parser.add_argument("--worlds", nargs="+", metavar="N", help="of `barn` and `dynabarn` (all)")
+    parser.add_argument("--known", action="store_true", help="`barn`: with the map given; `dynabarn`: all motions")
     parser.add_argument("--method", metavar="NAME", help="of `barn` (pi-rrht)")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="of `first-run`")
     parser.add_argument("--repeats", type=int, default=3, help="of `first-run` (3)")

@@ -1,6 +1,7 @@
 """Algorithm 4, the execution phase: references of every class, samples around all of them, one control."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,11 +23,13 @@ from pirrht.errors import NoReference
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.obstacle import Mover
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.backend import Backend
+from pirrht.rollouts.cpu import Cpu
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.signature import Signature
 
@@ -81,6 +84,7 @@ class Controller(Policy):
         refuse_misfits(sampling, propose, backend, rng)
         self.predict, self.rng, self.surcharge = predict, rng, surcharge
         self.deceleration = deceleration
+        validate(tree, problem, sampling, self.settings)
         self._enter(problem, space, tree, sampling, homology, propose, backend)
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
@@ -89,7 +93,6 @@ class Controller(Policy):
         homology: Signature | None = None, propose: Sequence[Propose] = (), backend: Backend | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree."""
-        validate(tree, problem, sampling, self.settings)
         own = homology_of(problem, space) if tree is None else tree.homology
 
         self.tree = tree
@@ -140,7 +143,8 @@ class Controller(Policy):
         return plan_of(self.path_integral, batch, references, estimate, run, settings)
 
     def _governed(self, plan: Plan) -> Plan:
-        return governed(plan, self.problem.dynamics, self.space.static, self.deceleration)
+        moving = self.path_integral.setup.world.moving
+        return governed(plan, self.problem.dynamics, self.space.static, self.deceleration, moving, self.run.now)
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """Return what a plan at x (n,) samples first, around references."""
@@ -149,9 +153,29 @@ class Controller(Policy):
     def adopt(self, new: Renewed | None) -> None:
         """Continue in a scene that `renewed` has examined; None: in the last one."""
         if new is not None:
-            backend = self.path_integral.backend
-            self._enter(*new, self.path_integral.sampling, propose=self.proposals.propose, backend=backend)
+            self._reenter(*new)
             map_update.continue_among(self.space, self.run)
+
+    def avoid(self, movers: Sequence[Mover]) -> None:
+        """Continue among obstacles that move as predicted, on the run's clock, until the next map or prediction.
+
+        They make no classes, and the tree does not know of them: guides and samples pass them in time.
+        """
+        if not movers and not self.space.scene.movers:
+            return
+        space = self.space.with_blockers(movers)
+        scene = replace(self.problem.scene, movers=space.scene.movers)
+        self._reenter(replace(self.problem, scene=scene), space, self.tree)
+        if bool(movers) != bool(self.run.route.movers):
+            self.run.starts.forget()  # other kernels take other laws
+            self.run.shares.forget()
+        self.run.route.movers = space.scene.movers
+
+    def _reenter(self, problem: Problem, space: FreeSpace, tree: HomologyTree | None) -> None:
+        """Continue in another problem, with what the user gave."""
+        integral = self.path_integral
+        backend = None if isinstance(integral.backend, Cpu) else integral.backend  # kernels depend on moving obstacles
+        self._enter(problem, space, tree, integral.sampling, propose=self.proposals.propose, backend=backend)
 
     def __repr__(self) -> str:
         of = f"a {type(self.problem.dynamics).__name__} in {formatting.name(self.space.scene.name)}"

@@ -13,7 +13,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Law, Plan
-from pirrht.geometry.space import Space, at_states
+from pirrht.geometry.space import Space, at_states, pose_at
+from pirrht.geometry.world import Moving, NoMoving
 from pirrht.systems.dynamics import Dynamics
 
 
@@ -31,40 +32,51 @@ TUNING = GovernorTuning()
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Governor:
-    """Lowers controls, velocities of a robot, to those from which it can stop among static obstacles."""
+    """Lowers controls, velocities of a robot, to those from which it can stop, among static and moving obstacles."""
 
     dynamics: Dynamics
     static: Space
     deceleration: float  # [m/s^2]
+    moving: Moving = field(default_factory=NoMoving)
+    now: float = 0.0  # when the plan begins, on the clock of moving obstacles [s]
     tuning: GovernorTuning = TUNING
 
-    def admissible(self, x: Array, u: Array) -> Array:
-        """Return the largest admissible share of a control (m,) at state x (n,), or what of it moves no place."""
+    def admissible(self, x: Array, u: Array, s: float = 0.0) -> Array:
+        """Return the largest admissible share of a control (m,) at state x (n,), or what of it moves no place.
+
+        It is s [s] after the plan began.
+        """
         for share in self.tuning.shares:
-            if self.stops(x, share * u):
+            if self.stops(x, share * u, s):
                 return share * u
         gain = self._gain(x)
         spot = u - np.linalg.pinv(gain) @ (gain @ u)
-        return spot if self.stops(x, spot) else np.zeros(len(u))
+        return spot if self.stops(x, spot, s) else np.zeros(len(u))
 
     def _gain(self, x: Array) -> Array:
         """Return how controls move the place (d, m) [m/s per control]."""
         d = self.dynamics
         return np.asarray(d.G_c(x)[: len(d.position)])
 
-    def stops(self, x: Array, u: Array) -> bool:
+    def stops(self, x: Array, u: Array, s: float = 0.0) -> bool:
         """Return whether a robot at state x (n,) that drives under a control (m,) meets nothing before it stands."""
         d = self.dynamics
         kernels = self.static.kernels
-        clear = at_states(kernels, d.reads(kernels.turns)).clearance
+        reads = d.reads(kernels.turns)
+        clear = at_states(kernels, reads).clearance
+        pose = pose_at(reads)
+        moving = self.moving
         speed = float(np.hypot.reduce(self._gain(x) @ u))
         time = self.tuning.lag + 0.5 * speed / self.deceleration
         pieces = max(2, math.ceil(speed * time / self.tuning.spacing))
         least = min(0.0, clear(self.static, x))  # out of a margin
+        nearest = min(0.0, moving.clearance(pose(x), self.now + s))
         still = np.zeros(d.m)
-        for _ in range(pieces):
+        for k in range(1, pieces + 1):
             x = d.step(x, u, still, time / pieces)
             if clear(self.static, x) < least:
+                return False
+            if moving.J and moving.clearance(pose(x), self.now + s + k * time / pieces) < nearest:
                 return False
         return True
 
@@ -82,15 +94,18 @@ class GovernedLaw:
         """Return the control (m,) at state x (n,), s [s] after the plan."""
         u = self.law(x, s)
         if s >= self._until or s < self._until - 2.0 * self.governor.tuning.every:
-            found = self.governor.admissible(x, u)
+            found = self.governor.admissible(x, u, s)
             self._share = np.divide(found, u, out=np.ones(len(u)), where=np.abs(u) > 1e-9)
             self._until = s + self.governor.tuning.every
         return self._share * u
 
 
-def governed(plan: Plan, dynamics: Dynamics, static: Space, deceleration: float) -> Plan:
+def governed(
+    plan: Plan, dynamics: Dynamics, static: Space, deceleration: float, moving: Moving | None = None, now: float = 0.0
+) -> Plan:  # fmt: skip
     """Return a plan whose controls keep to speeds from which the robot can stop; a deceleration of 0 is none [m/s^2]."""
     if deceleration <= 0.0:
         return plan
-    governor = Governor(dynamics=dynamics, static=static, deceleration=deceleration)
+    moving = NoMoving() if moving is None else moving
+    governor = Governor(dynamics=dynamics, static=static, deceleration=deceleration, moving=moving, now=now)
     return replace(plan, law=GovernedLaw(plan.law or plan.at, governor))

@@ -32,7 +32,8 @@ def renewed(
     before, goal = space.scene, problem.scene.goal
     if not _same(goal, scene.goal):
         raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
-    if before.movers or scene.movers:
+    timed = tree is None or tree.steering.timed
+    if scene.movers or (timed and before.movers):
         raise OptionError(
             f"an update changes static obstacles, and {len(scene.movers or before.movers)} move here; make another "
             "Controller"

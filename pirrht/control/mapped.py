@@ -1,6 +1,7 @@
 """Drive without a map: a policy among what a lidar has shown so far.
 
-What nobody has seen counts as free. A new map changes the scene as `Controller.update` does: obstacles keep their
+What nobody has seen counts as free. Moving obstacles are no part of the map: guides and samples pass them in time, as
+tracks predict them. A new map changes the scene as `Controller.update` does: obstacles keep their
 numbers and classes their names as far as they go on, and so does what the run knows of them.
 """
 
@@ -21,9 +22,13 @@ from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import SceneError
+from pirrht.geometry.obstacle import Motion, Mover
+from pirrht.geometry.scene import height_of_walls
+from pirrht.geometry.solids import discs
 from pirrht.mapping.believed import Believed
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
+from pirrht.mapping.tracker import Track, Tracker
 from pirrht.planner.references import Reference
 
 
@@ -64,6 +69,7 @@ class Mapped(Policy):
         self.unknown = unknown
         self.clock = clock
         self.map = self._empty()
+        self.tracks = Tracker()
 
         self._brake = Brake(problem=controller.problem)
         self._bare = replace(controller.problem.scene, obstacles=())
@@ -84,7 +90,9 @@ class Mapped(Policy):
         """Forget the run so far and its map; a new one starts at x (n,), at a time [s]."""
         self._pending = self._last = self.believed = None
         self.map = self._empty()
+        self.tracks = Tracker()
         self._version = 0
+        self._avoid()
         self._covered = False
         self.controller.update(self._bare, self._vertices or None)
         self.controller.begin(x, time)
@@ -92,11 +100,13 @@ class Mapped(Policy):
     def go_on(self, before: "Mapped") -> None:
         """Continue in the map of another policy, among the same obstacles; call it after `begin`."""
         self.map = before.map
+        self.tracks = before.tracks
         self._last = before._last
 
     def see(self, scan: Scan) -> None:
         """Add a scan to the map; the next plan counts with it."""
-        self.map.integrate(scan, free_around=self.space.scene.footprint.inscribed)
+        passing = self.tracks.see(scan, self.map) if isinstance(self.controller, Controller) else None
+        self.map.integrate(scan, free_around=self.space.scene.footprint.inscribed, passing=passing)
         self._last = scan
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
@@ -111,6 +121,7 @@ class Mapped(Policy):
             pose = self.sensor.error
             error[reads] = pose[: len(reads)]
         self._renew()
+        self._avoid()
         last = self.believed
         if last is None or last.scan is not self._last:
             last = Believed.of(self.map, self._last, pose)
@@ -131,6 +142,19 @@ class Mapped(Policy):
                 self._adopt(immediately(lambda: self.controller.renewed(scene, self._vertices or None)))
             else:
                 self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
+
+    def _avoid(self) -> None:
+        """Predict moving obstacles; without a `Controller` they are walls."""
+        if isinstance(self.controller, Controller):
+            self.controller.avoid([self._predicted(one) for one in self.tracks.moving])
+
+    def _predicted(self, one: Track) -> Mover:
+        """Return a track as a moving obstacle of constant velocity."""
+        tuning = self.tracks.tuning
+        solids = discs([[0.0, 0.0, one.radius + tuning.around]], height_of_walls(self._bare.robot_height))
+        ends = np.vstack([one.at(0.0), one.at(tuning.horizon)])
+        rows = np.column_stack([[0.0, tuning.horizon], ends, np.zeros(2)])
+        return Mover(name=f"track {one.number}", solids=solids, motion=Motion(rows=rows, offset=-self.tracks.time))
 
     def _adopt(self, examined: "Future[Renewed | None]") -> None:
         """Continue in a map, or wait until another one if the goal is covered in it."""

@@ -2,6 +2,7 @@
 
 scan          ranges of one turn of a lidar, and the pose they were measured at
 occupancy     a grid of log-odds, which becomes a scene of boxes
+tracker       moving obstacles, from scan to scan
 believed      what of it a plan rested on
 tuning        evidence of rays
 

@@ -61,6 +61,7 @@ class OccupancyMap:
         self._odds = np.zeros((rows, columns))
         self._hits = np.zeros((rows, columns, 2))  # the last one in each cell [cells]
         self._stamps = np.zeros((rows, columns), np.int64)  # of the last scan that changed it
+        self._met = np.full((rows, columns), -tuning.recent)  # scan that hit it first after it had been free
         self._scans = 0
 
     def __repr__(self) -> str:
@@ -77,19 +78,46 @@ class OccupancyMap:
         """Return which cells (rows, columns) no ray has reached."""
         return ~self._seen
 
-    def integrate(self, scan: Scan, free_around: float = 0.0) -> None:
+    def integrate(self, scan: Scan, free_around: float = 0.0, passing: BoolArray | None = None) -> None:
         """Raise the cells that a scan hits and lower those that its rays pass, up to the border.
 
         `free_around`: radius [m] of a disc about the sensor that the robot fills: cells with their centre in it are
-        free whatever was seen. A ray that hit nothing lowers cells up to the greatest range.
+        free whatever was seen. `passing`: which rays (k,) hit what is only passing, and raise no cell; None: none.
+        A ray that hit nothing lowers cells up to the greatest range.
         """
         self._scans += 1
+        stays = scan.ranges / self.cell
+        stays = stays if passing is None else np.where(passing, np.inf, stays)
         place = (scan.pose[:2] - self.lower) / self.cell
         changed = _integrate(
-            self._odds, self._seen, self._hits, self._stamps, self._scans, place, scan.angles + scan.pose[2],
-            scan.ranges / self.cell, scan.most / self.cell, free_around / self.cell, self.tuning,
+            self._odds, self._seen, self._hits, self._stamps, self._met, self._scans, place, scan.angles + scan.pose[2],
+            scan.ranges / self.cell, stays, scan.most / self.cell, free_around / self.cell, self.tuning,
         )  # fmt: skip
         self.version += bool(changed)
+
+    def surprises(self, points: Array) -> BoolArray:
+        """Return which of the places (k, 2) [m] are where it had been free a while ago, walls and their cells aside."""
+        rows, columns = self._odds.shape
+        at = np.floor((points - self.lower) / self.cell).astype(int)
+        inside = np.all((at >= 1) & (at < (columns - 1, rows - 1)), axis=1)
+        column, row = np.where(inside[:, None], at, 1).T
+        found = inside & self._seen[row, column]
+        for i in (-1, 0, 1):
+            for j in (-1, 0, 1):
+                cell = row + i, column + j
+                found &= (self._odds[cell] <= 0.0) | (self._scans - self._met[cell] < self.tuning.recent)
+        return np.asarray(found)
+
+    def clear(self, center: Array, radius: float) -> None:
+        """Free the cells whose centre is in a disc at x, y (2,) [m]; unknown ones stay unknown."""
+        low = np.maximum(np.floor((center - radius - self.lower) / self.cell).astype(int), 0)
+        high = np.maximum(np.ceil((center + radius - self.lower) / self.cell).astype(int), 0)
+        part = self._odds[low[1] : high[1], low[0] : high[0]]
+        row, column = np.indices(part.shape)
+        x, y = self.lower + self.cell * (low + 0.5) - center
+        inside = np.hypot(x + self.cell * column, y + self.cell * row) < radius
+        self.version += bool(np.any(inside & (part > 0.0)))
+        part[inside] = np.minimum(part[inside], self.tuning.least)
 
     def scene(self, base: Scene) -> Scene:
         """Return a scene in the plane in which boxes over just the occupied cells are the static obstacles."""
@@ -101,12 +129,12 @@ class OccupancyMap:
 
 
 @kernel
-def _integrate(odds, seen, hits, stamps, scan, place, angles, ranges, most, around, tuning):  # type: ignore[no-untyped-def]
+def _integrate(odds, seen, hits, stamps, met, scan, place, angles, ranges, stays, most, around, tuning):  # type: ignore[no-untyped-def]
     """Change a grid by a scan, lengths in cells; return whether other cells are occupied than before."""
     rows, columns = odds.shape
     x, y = place
     was = odds > 0.0
-    _raise(odds, seen, hits, stamps, scan, place, angles, ranges, tuning)
+    _raise(odds, seen, hits, stamps, met, scan, place, angles, stays, tuning)
     _lower(odds, seen, hits, stamps, scan, place, angles, ranges, most, tuning)
     for row in range(max(0, int(y - around)), min(rows, int(y + around) + 1)):
         for column in range(max(0, int(x - around)), min(columns, int(x + around) + 1)):
@@ -117,7 +145,7 @@ def _integrate(odds, seen, hits, stamps, scan, place, angles, ranges, most, arou
 
 
 @kernel
-def _raise(odds, seen, hits, stamps, scan, place, angles, ranges, tuning):  # type: ignore[no-untyped-def]
+def _raise(odds, seen, hits, stamps, met, scan, place, angles, ranges, tuning):  # type: ignore[no-untyped-def]
     """Raise the cells in which rays end."""
     rows, columns = odds.shape
     for i in np.flatnonzero(np.isfinite(ranges)):
@@ -129,6 +157,8 @@ def _raise(odds, seen, hits, stamps, scan, place, angles, ranges, tuning):  # ty
             hits[row, column] = min(max(x, column), column + 1), min(max(y, row), row + 1)
             if stamps[row, column] != scan:
                 stamps[row, column] = scan
+                if odds[row, column] <= 0.0:
+                    met[row, column] = scan if seen[row, column] else -tuning.recent
                 odds[row, column] = min(odds[row, column] + tuning.hit, tuning.most)
                 seen[row, column] = True
 

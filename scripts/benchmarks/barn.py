@@ -22,6 +22,7 @@ from sim import barn
 from sim.scenario import Scenario
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "barn"
+STOOD = 0.2  # time in which a robot that stands moves less than a few centimetres [s]
 RUNS = 10
 ENDS = ("goal", "collision", "timeout", "no path")
 HEADER = ["world", "runs", *ENDS, "time [s]", "score", "step [ms]", "99 %", "map [ms]", "99 %", "weakest"]
@@ -57,6 +58,11 @@ class Run(NamedTuple):
     known: bool = True
     method: str | None = None
 
+    @property
+    def best(self) -> float:
+        """The best time [s]."""
+        return length(self.world) / barn.FASTEST
+
     def scenario(self, **given: Any) -> Scenario:
         """Prepare it, with all cylinders known or none."""
         sense = {} if self.known else {"sense": "lidar"}
@@ -66,9 +72,12 @@ class Run(NamedTuple):
         )
 
 
-def figures(run: Run) -> dict[str, Any]:
-    """Drive once; return outcome, time, score, least clearance [m] and the time of each control step and map [ms]."""
-    best = length(run.world) / barn.FASTEST
+def figures(run: Any) -> dict[str, Any]:
+    """Drive a `Run` or one like it once.
+
+    Return outcome, time, score, least clearance [m], the time of each control step and map [ms], and whether the robot
+    stood at the end.
+    """
     maps = list[float]()
     frames = []
     try:
@@ -83,9 +92,12 @@ def figures(run: Run) -> dict[str, Any]:
         return {**run._asdict(), **why, "time": np.nan, "score": 0.0, "step_ms": [], "map_ms": []}
     m = frames[-1].metrics
     x, y, _ = frames[-1].state
-    time = m.time - barn.waited(np.vstack([frame.advance.states for frame in frames]), scenario.physics_step)
+    states = np.vstack([frame.advance.states for frame in frames])
+    stood = np.hypot(*(states[-1] - states[-round(STOOD / scenario.physics_step) :][0])[:2]) < 0.1 * STOOD
+    time = m.time - barn.waited(states - scenario.start + barn.START, scenario.physics_step)
     return {
-        **run._asdict(), "outcome": m.outcome, "time": time, "score": barn.score(m.outcome, time, best), "best": best,
+        **run._asdict(), "outcome": m.outcome, "time": time, "score": barn.score(m.outcome, time, run.best),
+        "best": run.best, "stood": bool(stood),
         "why": f"seed {run.seed}: {m.outcome} at ({x:.2f}, {y:.2f}) after {m.time:.1f} s",
         "min_clearance": m.min_clearance, "blocked": m.blocked, "doubtful_plans": m.doubtful_plans,
         "mismatch": m.plant_mismatch, "step_ms": [1e3 * s for s in m.plan_seconds], "map_ms": maps, "note": NOTE,

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from benchmarks import barn
+from benchmarks import barn, dynabarn
 
 from sim.barn import START
 from sim.mjcf import load
 
+NEEDS_MOTIONS = pytest.mark.skipif(not dynabarn.levels(), reason="the worlds of DynaBARN are not here")
 NEEDS_WORLDS = pytest.mark.skipif(not barn.worlds(), reason="the worlds of BARN are not here")
 
 
@@ -33,6 +34,17 @@ def test_a_world_has_its_cylinders_start_and_length(tmp_path):
     np.testing.assert_allclose([*scene.lower, *scene.upper, *scene.start], [0.0, 0.0, 4.5, 14.5, *START])
     np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], [2.25, 13.0, 1.0])
     assert (barn.length("0"), barn.length("30")) == pytest.approx((13.5923, 11.8459), abs=1e-3)
+
+
+@NEEDS_MOTIONS
+def test_a_world_of_moving_cylinders_is_for_a_robot_of_its_own_size_and_has_a_level(tmp_path):
+    assert sorted(dynabarn.levels().values()) == sorted(5 * dynabarn.LEVELS)
+    path = tmp_path / "moving.xml"
+    path.write_text(dynabarn.world("8"))
+    scene = load(path, robot="jackal").scene
+    assert (len(scene.movers), len(scene.obstacles)) == (9, 3)
+    np.testing.assert_allclose([*scene.start[:2], *scene.goal.center, scene.goal.radius], [11, 0, -9, 0, 1])
+    assert dynabarn.Run("8", 0, known=False).best == 10.0
 
 
 @NEEDS_WORLDS

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pirrht import Footprint, FreeSpace, Plan, Scene
+from pirrht import Footprint, FreeSpace, Plan, Scene, SingleIntegrator
 from pirrht.control.governor import TUNING, GovernedLaw, Governor, governed
+from pirrht.geometry.obstacle import Motion, Mover
+from pirrht.geometry.solids import discs
 from pirrht.systems.rover import Rover
 
 TASK = {"lower": (0, 0), "upper": (8, 4), "start": (0.6, 2.0), "goal": (7.5, 0.5, 0.3)}
@@ -75,6 +77,28 @@ def test_a_governed_law_keeps_a_share_for_a_while_and_is_the_law_where_nothing_i
     before = law(near, 0.5 * TUNING.every)
     assert before[0] == pytest.approx(1.0 + 0.5 * TUNING.every)  # the share of before
     assert law(near, 1.5 * TUNING.every)[0] < 0.5
+
+
+def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -> float:
+    """Of 1 m/s to the right from (1, 2) while a disc of 0.3 m is at a place at 0 s and moves."""
+    ends = np.array([(x, y), np.add((x, y), np.multiply(10.0, velocity))])
+    rows = np.column_stack([[0.0, 10.0], ends, np.zeros(2)])
+    mover = Mover(name="one", solids=discs([[0, 0, 0.3]], 1.0), motion=Motion(rows=rows))
+    space = FreeSpace.of(Scene.from_boxes([WALL], **TASK, robot_radius=0.2)).with_blockers([mover])
+    dynamics = SingleIntegrator(b=0.1)
+    slow = Governor(dynamics=dynamics, static=space.static, moving=space.moving, now=now, deceleration=2.0)
+    return float(slow.admissible(np.array([1.0, 2.0]), np.array([1.0, 0.0]))[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("x", "y", "velocity", "now", "least", "most"),
+    [(1.7, 2, (0, 0), 0, 0.2, 0.8), (3.0, 2, (0, 0), 0, 1, 1),  # it stands, near and far
+     (1.75, 2, (-0.8, 0), 0, 0, 0.3), (1.75, 2, (0.8, 0), 0, 1, 1),  # it comes, and goes away
+     (1.6, 1.2, (0, 2), 0, 0, 0.8), (1.6, 1.2, (0, 2), 1.0, 1, 1)],  # it crosses, and has crossed
+)  # fmt: skip
+def test_a_robot_keeps_to_a_speed_from_which_it_stops_before_a_moving_obstacle(x, y, velocity, now, least, most):
+    assert least <= share(x, y, velocity, now) <= most
 
 
 @pytest.mark.parametrize(("x", "least"), [(1.0, 2.0), (3.1, 0.5), (3.6, 0.0)])
