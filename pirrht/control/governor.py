@@ -103,7 +103,7 @@ class GovernedLaw:
 def governed(
     plan: Plan, dynamics: Dynamics, static: Space, deceleration: float, moving: Moving | None = None, now: float = 0.0
 ) -> Plan:  # fmt: skip
-    """Return a plan whose controls keep to speeds from which the robot can stop; a deceleration of 0 is none [m/s^2]."""
+    """Return a plan whose controls keep to speeds from which a robot can stop; a deceleration of 0 is none [m/s^2]."""
     if deceleration <= 0.0:
         return plan
     moving = NoMoving() if moving is None else moving
