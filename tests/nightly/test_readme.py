@@ -25,7 +25,7 @@ TASK = """<mujoco><worldbody><geom type="plane" size="4 3 0.1"/>
 <body name="agent" pos="-2 2 0.3"><joint name="x" type="slide" axis="1 0 0"/><geom size="0.3"/></body>
 <body name="door" pos="1 -2 0.5"><joint name="hinge" axis="0 0 1"/><geom type="box" size="0.5 0.05 0.5"/></body>
 </worldbody><actuator><motor joint="x"/></actuator></mujoco>"""
-WALLS = [((-5, 2, 0), (5, 2.2, 1)), ((-5, -2.2, 0), (5, -2, 1)), ((1, -1, 0), (1.2, 1, 1))]
+WALLS = [((-5, 2, 0), (5, 2.2, 2)), ((-5, -2.2, 0), (5, -2, 2)), ((1, -1, 0), (1.2, 1, 2))]
 
 
 @pytest.fixture(scope="module")
