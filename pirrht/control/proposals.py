@@ -293,8 +293,11 @@ class ProposalBuilder:
         bound = guidance.hopeless(min(known, default=np.inf))
         found += mapped(improved, range(len(found), len(references)), self.integral.threads)
         starts.keep_optima(dict(zip(classes, found, strict=True)))
+        # Moving obstacles that a lidar tracks make no classes, in which a robot could wait for a way to open.
+        tracked = self.integral.space.scene.dimension == 2 and self.integral.homology.J == 0
+        waits_for_none = not self.integral.moving or tracked
         for name, one in zip(names[1:], classes[1:], strict=True):
-            if not self.integral.moving and one not in starts.optima:
+            if waits_for_none and one not in starts.optima:
                 run.retries.postpone(name, guidance.tuning.again)
         return [some[0] if some else None for some in found]
 
