@@ -220,6 +220,7 @@ class Settings:
     def __post_init__(self) -> None:
         _check(self, BY_SETTING)
 
+        defaults = {one.name: one.default for one in fields(self)}
         grow = self.grow or 0
         length = self.max_time / self.period
         most = (BY_SETTING["vertices"].bounds or PLACES)[1]
@@ -240,8 +241,11 @@ class Settings:
              f"--method {self.method}"),
             (self.unknown > 0.0 and self.method in TREELESS,
              f"--unknown is a price of references, and --method {self.method} has none; leave it out"),
-            (self.sense == "map" and (self.lidar is not None or self.unknown > 0.0 or self.sense_pose > 0.0),
-             "--lidar, --unknown and --sense-pose go with --sense lidar"),
+            (self.sense == "map" and (self.lidar is not None or self.unknown > 0.0 or self.sense_pose > 0.0
+                                      or self.cell != defaults["cell"]),
+             "--lidar, --cell, --unknown and --sense-pose go with --sense lidar"),
+            (self.sense == "lidar" and self.risk is not None,
+             "--risk is the risk among known obstacles; leave it out with --sense lidar, and give --margin"),
             (grow and self.method in TREELESS,
              f"--grow is {grow}; --method {self.method} has no tree that could grow"),
             (not self.real_time and size > most,

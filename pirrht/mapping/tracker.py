@@ -131,7 +131,9 @@ class Tracker:
         sightings = one.sightings + 1
         gone = np.hypot(*(one.state[:2] - one.origin))
         certain = min(sightings - 1, outlines) >= tuning.sightings and gone > tuning.gone
-        moves = one.moves or (certain and one.speed > max(tuning.slow, 3.0 * spread))
+        fast = one.speed > max(tuning.slow, 3.0 * spread)
+        far = gone > tuning.far and one.speed > tuning.slow
+        moves = one.moves or (certain and (fast or far))
         stands = min(one.stands, scan.time) if one.speed < tuning.still else inf
         return replace(
             one, radius=radius, outlines=outlines, seen=scan.time, sightings=sightings, stands=stands,

@@ -36,6 +36,7 @@ class TrackTuning(NamedTuple):
     near: float = 0.05  # the same for hits on what was there before [m]
     sightings: int = 3  # of all of it, after which a thing may be on the move
     gone: float = 0.12  # by then, at least [m]
+    far: float = 0.35  # way after which it is on the move though its speed is within three standard deviations [m]
     slow: float = 0.25  # speed of what is on the move, at least [m/s]
     still: float = 0.15  # speed below which it stands [m/s]
     rest: float = 1.0  # time after which a thing that stands is a part of the map [s]

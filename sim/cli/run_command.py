@@ -23,6 +23,7 @@ from sim.drive.metrics import Frame
 from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
+from sim.scenario.first_seen import first_seen
 from sim.text import say
 
 HEADLESS = "use --headless, with --script FILE for what is done and --serve to watch in a browser"
@@ -41,7 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
     (look := Look(truth=arguments.truth, **drawn)).check(scenario.space)
     film = _film(arguments, scenario)
     recorder = None
-    driver, references, truth = _prepared(scenario, exact=arguments.truth)
+    seen, _ = first_seen(scenario)
+    driver, references, truth = _prepared(scenario, seen, exact=arguments.truth)
     observers: list[Observer] = [] if film is None else [lambda frame: film.add(frame, driver.path_integral)]
     with ExitStack() as stack:
         if sinks:
@@ -64,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.record:
         print(f"recording: {path_text(arguments.record)}  (open it with: rerun {path_text(arguments.record)})")
     if arguments.json:
-        write_json(arguments.json, run_json(scenario, references, result, collision))
+        write_json(arguments.json, run_json(seen, references, result, collision))
     if film is not None:
         _save_film(film, arguments)
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
@@ -73,14 +75,19 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if last.outcome is Outcome.GOAL else 1
 
 
-def _prepared(scenario: Any, *, exact: bool) -> tuple[Any, list[Reference], Any]:
-    """Return the policy of a run, its references, and the exact solution if that is wanted; kernels are compiled."""
+def _prepared(scenario: Any, seen: Any, *, exact: bool) -> tuple[Any, list[Reference], Any]:
+    """Return the policy of a run, references, and the exact solution if that is wanted; kernels are compiled.
+
+    References are those among what is `seen` at the start, a scenario, too.
+    """
     with Progress("exact value") as bar:
         truth = scenario.truth(bar.to) if exact else None
-    tree, references = (None, []) if scenario.settings.method in TREELESS else planned(scenario, waits=True)
+    tree, references = (None, []) if scenario.settings.method in TREELESS else planned(seen, waits=True)
     if references:
-        print(tables.class_table(references, scenario.homology, scenario.names, scenario.space))
+        print(tables.class_table(references, seen.homology, seen.names, seen.space))
         report_prediction(scenario, "classes above are those")
+    if tree is not None and seen is not scenario:
+        tree = scenario.grown_tree()
     say(tables.odds(scenario))
     with Progress("exact value") as bar:
         driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, bar.to)

@@ -19,8 +19,8 @@ class Senses:
 
     Args:
         sensor: in the model that is simulated.
-        deviation: standard deviation of the believed place, in x and y [m], and of the heading in radians per metre of
-            it; both are drawn anew for every scan.
+        deviation: standard deviation of the believed place, in x and y [m], and of the heading [rad]; drawn for every
+            scan.
         rng: of all noise.
     """
 

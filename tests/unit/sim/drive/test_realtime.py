@@ -57,6 +57,8 @@ class FakePolicy:
 
     tree: Any = None
     run = None
+    path_integral = None
+    believed = None
 
     def __init__(self, scenario: Scenario, clock: FakeClock, seconds=lambda i: 0.0) -> None:
         self.problem, self.space, self.homology = scenario.problem, scenario.space, scenario.homology
