@@ -62,9 +62,11 @@ def test_equal_seeds_give_equal_runs_and_a_wrong_pose_another_one():
     ("given", "words"),
     [
         ({"plant": "sde"}, "--sense lidar needs a plant in MuJoCo"),
-        ({"method": "optimal"}, "--sense lidar needs a plant in MuJoCo and a tree"),
+        ({"method": "optimal"}, "--sense lidar needs a plant in MuJoCo and a method that replans"),
         ({"sense": "map", "unknown": 1.0}, "go with --sense lidar"),
-        ({"lidar": "beams=3"}, "a lidar has no 'beams'"),
+        ({"lidar": "beams=3"}, "a lidar has no .beams."),
+        ({"risk": 0.01}, "--risk is the risk among known obstacles"),
+        ({"sense": "map", "cell": 0.1}, "go with --sense lidar"),
     ],
 )
 def test_what_does_not_go_with_a_lidar_is_refused_in_one_line(given, words):
