@@ -227,16 +227,19 @@ class Film:
         poses = self._states.poses(path[:, 1:])
         return np.hstack([picture, self._panel.draw(known, () if over else self._drawn_lines(plan), poses)])
 
-    def _drawn_lines(self, plan: Plan) -> list[tuple[Array, Color]]:
-        """Return the references of a plan and their colours."""
-        pairs = zip(plan.references, plan.ids, strict=True)
-        return [(at_most(one.trajectory.points, REFERENCE_POINTS), self._colors[name]) for one, name in pairs]
+    def _drawn_lines(self, plan: Plan) -> list[tuple[Array, Color, float]]:
+        """Return the references of a plan, their colours, and the weights of their classes."""
+        weights = plan.estimate.class_weights if plan.estimate else {}
+        return [
+            (at_most(one.trajectory.points, REFERENCE_POINTS), self._colors[name], weights.get(name, 0.0))
+            for one, name in zip(plan.references, plan.ids, strict=True)
+        ]
 
     def _plan(self, plan: Plan, samples: Mapping[str, Fan]) -> Mapping[str, float]:
         """Draw what a plan expects: references, samples and predicted outlines; return the shares of its classes."""
         weights = plan.estimate.class_weights if plan.estimate else {}
-        for (line, color), name in zip(self._drawn_lines(plan), plan.ids, strict=True):
-            self._line(line, 0.02, color, 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0))))
+        for line, color, weight in self._drawn_lines(plan):
+            self._line(line, 0.02, color, 0.008 + 0.02 * float(np.sqrt(weight)))
         for name, fan in samples.items():  # the heavier the stronger; grey ones do not arrive
             color = DEAD_COLOR if name == DEAD else self._colors[name]
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity

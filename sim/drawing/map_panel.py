@@ -35,8 +35,8 @@ class Panel:
         self._corner = 0.5 * np.subtract(self._size, self._scale * np.array([wide, -high]))  # lower left one [px]
         self._lower = scene.lower
 
-    def draw(self, known: Believed | None, lines: Sequence[tuple[Array, Color]], poses: Array) -> Shades:
-        """Return a panel (height, width, 3): what is known, lines (k, 2) and their colours, and the path (k, 3)."""
+    def draw(self, known: Believed | None, lines: Sequence[tuple[Array, Color, float]], poses: Array) -> Shades:
+        """Return a panel (height, width, 3): what is known, lines (k, 2), colours and weights, and the path (k, 3)."""
         from PIL import Image, ImageDraw
 
         picture = Image.new("RGB", self._size, GROUND)
@@ -47,8 +47,8 @@ class Panel:
             pose = pose + known.error
         spread = self._scale * self._goal.radius
         self._disc(canvas, self._goal.center, spread, outline=GOAL, width=round(FINER * THICK))
-        for line, color in lines:
-            self._line(canvas, line, color, THIN)
+        for line, color, weight in lines:
+            self._line(canvas, line, color, THIN + THICK * weight)
         self._line(canvas, at_most(poses[:, :2], PATH_POINTS), PATH, THICK)
         if known is not None and known.scan is not None:
             for point in known.scan.points:
