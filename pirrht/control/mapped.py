@@ -21,6 +21,7 @@ from pirrht.control.controller import Controller
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
+from pirrht.control.settings import TUNING, TimeBudget
 from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import height_of_walls
@@ -128,6 +129,8 @@ class Mapped(Policy):
         self.believed = replace(last, seconds=self.clock() - began)
         if self._covered:
             return shifted(blocked_plan(self._brake, x + error, self.run, self.space, "no reference"), error)
+        if self._pool is not None:
+            left = TimeBudget(left).less(TUNING.mapping) if left is not None else None
         return shifted(self.controller.plan(x + error, left), error)
 
     def _renew(self) -> None:
