@@ -196,7 +196,7 @@ class Settings:
                                 (0.0, 1e3))
     brake: float = stated(0.0, "deceleration: the robot keeps to speeds from which it can stop; 0: it stops at once",
                           "M/S2", (0.0, 100.0))
-    sense: str = one_of(("map", "lidar"), "what the plan knows: the scene (map), or what a lidar has shown (lidar)")
+    sense: str = one_of(("map", "lidar"), "plans know the scene, or what a lidar shows")
     lidar: str | None = stated(None, "what differs from 270 degrees, 720 rays, 0.1 to 30 m, sigma 1 mm, 10 Hz: fov, "
                                "rays, least, most, sigma, rate, x, y, z, yaw", "PART=VALUE,...", unset="BARN's")
     sense_pose: float = stated(0.0, "standard deviation of the place that the robot believes to be at", "M",
