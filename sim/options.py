@@ -22,8 +22,8 @@ TAIL = 40.0  # paths are cut so many lambda after the cheapest reference (`pirrh
 DOUBLINGS = 16  # of --samples under --target-error, without --budget
 DAILY = {  # options that `--help` of a command with a scene lists
     "scene", "scenes", "robot", "footprint", "start", "goal", "noise", "seed", "method", "risk", "preset", "samples",
-    "vertices", "real-time", "sense", "output", "png", "at", "repeat", "truth", "record", "video", "view", "headless", "script",
-    "methods", "seeds", "jobs", "json",
+    "vertices", "real-time", "sense", "output", "png", "at", "repeat", "truth", "record", "video", "view", "headless",
+    "script", "methods", "seeds", "jobs", "json",
 }  # fmt: skip
 *_, RUN, GRID, RECORDING, FILES = GROUPS
 PLANE = ADAPTERS[0]
