@@ -190,6 +190,7 @@ def test_a_jackal_in_barn_sees_ranges_its_goal_and_its_speed_and_its_actions_are
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turns", "outcome", "points"), [(0.0, "goal", 0.5), (1.0, "collision", 0.0)])
 def test_the_rewards_of_barn_add_up_to_its_score(turns: float, outcome: str, points: float):
     env = gym.Barn([[]] if turns == 0.0 else [[[-2.25, 3.8]]], lengths={"0": 11.0})

@@ -27,7 +27,9 @@ def test_a_control_from_which_the_robot_stops_is_left_alone():
     np.testing.assert_array_equal(governor().admissible(np.array([1.0, 2.0, 0.0]), u), u)
 
 
-@pytest.mark.parametrize("shape", [{}, {"footprint": Footprint.rectangle(0.508, 0.43)}], ids=["disc", "rectangle"])
+@pytest.mark.parametrize(
+    "shape", [{}, pytest.param({"footprint": Footprint.rectangle(0.508, 0.43)}, marks=pytest.mark.slow)]
+)
 def test_a_robot_that_lags_and_brakes_never_meets_the_wall_that_it_is_driven_at(shape):
     """The plant goes on at its speed for the lag, then loses 3 m/s each second until it has what is admissible."""
     rng = np.random.default_rng(0)
