@@ -1,8 +1,8 @@
 """Drive without a map: a policy among what a lidar has shown so far.
 
 What nobody has seen counts as free. Moving obstacles are no part of the map: guides and samples pass them in time, as
-tracks predict them. A new map changes the scene as `Controller.update` does: obstacles keep their
-numbers and classes their names as far as they go on, and so does what the run knows of them.
+tracks predict them. A new map changes the scene as `Controller.update` does: obstacles keep their numbers and classes
+their names as far as they go on, and so does what the run knows of them.
 """
 
 import time

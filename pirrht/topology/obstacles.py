@@ -84,17 +84,18 @@ def continued(
     moved = []
     for number, old in enumerate(before):
         if kept[number] is None and (heir := _heir(old, parts, taken, collision, earlier)) is not None:
-            kept[number] = heir[0]
-            taken.append(heir[1])
+            part, place = heir
+            kept[number] = replace(part, marker=place)
+            taken.append(part)
             moved.append(number)
-    new = [part for part in parts if part.marker is not None and not any(part is one for one in taken)]
+    new = [part for part in parts if part.marker is not None and part not in taken]
     return numbered(before, kept, new, gone, named), tuple(moved)
 
 
 def _heir(
     old: Component, parts: Sequence[Component], taken: Sequence[Component], collision: Collision, earlier: Collision
-) -> tuple[Component, Component] | None:
-    """Return what is left of a component that lost its marker, with the nearest place of it as marker, and the part.
+) -> tuple[Component, Array] | None:
+    """Return what is left of a component that lost its marker, and the nearest place in it (2,) [m].
 
     Parts that are `taken` already or that reach the border are no heirs; None: there is none.
     """
@@ -103,7 +104,7 @@ def _heir(
     low, high = (side[list(old.members)] for side in earlier.extents())
     best: tuple[float, Component, Array] | None = None
     for part in parts:
-        if part.marker is None or any(part is one for one in taken):
+        if part.marker is None or part in taken:
             continue
         for i in part.members:
             place = collision.world.obstacles[i].position[:2]
@@ -111,7 +112,7 @@ def _heir(
             inside = np.any(np.all((low <= place) & (place <= high), axis=1))
             if inside and (best is None or away < best[0]):
                 best = away, part, np.array(place, dtype=float)
-    return None if best is None else (replace(best[1], marker=best[2]), best[1])
+    return None if best is None else best[1:]
 
 
 def numbered(
@@ -231,12 +232,9 @@ class _Planar:
 
     def enters(self, i: int) -> bool:
         """Return whether some of P_i is in the workspace."""
-        lower, upper = self.world.lower, self.world.upper
-        if self.upright[i] and np.all(
-            (lower < self.obstacles[i].position[:2]) & (self.obstacles[i].position[:2] < upper)
-        ):
+        if self.upright[i] and self.world.contains(self.obstacles[i].position[:2]):
             return True
-        return self.common(i, i, lower, upper) is not None
+        return self.common(i, i, self.world.lower, self.world.upper) is not None
 
     def leaves(self, i: int) -> bool:
         """Return whether some of P_i is not in the workspace."""

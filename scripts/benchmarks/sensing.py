@@ -22,7 +22,7 @@ SIDES, ROOM, ROOMS = (5.0, 10.0, 20.0, 40.0), 10.0, 30  # of rooms whose updates
 GAP = 0.9  # between what stands [m]
 PER_AREA = 0.25  # things that stand per square metre
 SAME = 0.4  # a way is the same if it stays within so much of the last one [m]
-DEARER = 1.02  # times the least cost, from which on a class costs more
+HIGHER = 1.02  # times the least cost, from which on a cost is higher
 SETTINGS = {"speed": 1.4, "margin": 0.03, "max_time": 60.0, "vertices": 400}
 HEADER = [
     *("room", "runs", "goal", "time [s]", "obstacles", "switches", "renamed", "wavers"),
@@ -102,7 +102,7 @@ def judged(last: Any, now: Any) -> str:
     old = costs.get(last.plan.favourite, np.inf)
     ahead = before[np.hypot(*(before - now.plan.state[:2]).T).argmin() :]
     shut = len(ahead) > 1 and not now.plan.space.segments_free(ahead)
-    return "switch" if shut or old > DEARER * min(costs.values()) else "wavers"
+    return "switch" if shut or old > HIGHER * min(costs.values()) else "wavers"
 
 
 def figures(run: Run) -> dict[str, Any]:

@@ -15,9 +15,11 @@ def first_seen(scenario: Scenario, at: Array | None = None) -> tuple[Scenario, B
 
     A scene that is known stays as it is, and nothing is believed. SceneError: the map covers all of the goal.
     """
-    plant = scenario.plant()
-    if not isinstance(plant, Executor) or plant.senses is None:
+    if scenario.settings.sense == "map":
         return scenario, None
+    plant = scenario.plant()
+    assert isinstance(plant, Executor)
+    assert plant.senses is not None
     if at is not None:
         plant.reset(at)
 

@@ -159,21 +159,21 @@ def test_the_robot_waits_while_the_map_covers_its_goal():
 
 
 def test_a_metre_that_nobody_has_seen_costs_what_it_is_said_to():
-    free, dear = mapped(), mapped(unknown=0.05)
+    free, costly = mapped(), mapped(unknown=0.05)
     plans = []
-    for policy in (free, dear):
+    for policy in (free, costly):
         policy.begin(START)
         look(policy, [CRATE], (0.5, 2.0), (1.5, 3.5))  # what lies above has been seen
         policy.map._seen[:40] = False
         plans.append(policy.plan(START))
     one, other = plans
     unseen = {
-        name: dear.map.unseen_length(reference.trajectory.points)
+        name: costly.map.unseen_length(reference.trajectory.points)
         for name, reference in zip(other.ids, other.references, strict=True)
     }
     assert max(unseen.values()) > 1.0
     weight = one.estimate.class_weights
-    charged = {name: weight[name] * np.exp(-0.05 * unseen[name] / dear.problem.temperature) for name in unseen}
+    charged = {name: weight[name] * np.exp(-0.05 * unseen[name] / costly.problem.temperature) for name in unseen}
     expected = {name: value / sum(charged.values()) for name, value in charged.items()}
     assert other.estimate.class_weights == pytest.approx({**expected, "other": 0.0}, abs=0.02)
 

@@ -1,4 +1,4 @@
-"""What moves in front of a lidar is tracked, and is no part of the map."""
+"""Moving obstacles in front of a lidar are tracked, and are no part of the map."""
 
 import numpy as np
 from rays import scan_of
