@@ -12,6 +12,7 @@ EXTRAS = {
     "gym": ("gymnasium",),
     "cluster": ("distributed",),
     "decompose": ("coacd",),
+    "ros": ("cyclonedds", "mcap", "rosbags"),
 }
 MAPS = (".yaml", ".yml")  # endings of files that the extra `maps` reads
 

@@ -1,0 +1,210 @@
+"""Publish and subscribe in a ROS 2 graph, by DDS alone.
+
+A topic `/plan` is `rt/plan` in DDS. All goes over the loopback interface, without multicast, unless another interface
+is named. What is published on a topic whose type or quality of service others do not share never arrives, and DDS
+says so to nobody: `Graph.troubles` does.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Generic
+from xml.sax.saxutils import quoteattr
+
+from cyclonedds.core import DDSException, InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from pirrht.errors import OptionError
+from sim.ros.messages import HASHES, Message
+
+LOOPBACK = "127.0.0.1"
+MOST_NODES = 32  # that are looked for on a machine where there is no multicast
+DEEP = 100  # messages of a queue at most
+BLOCKED = 0.1  # for which a reliable publisher waits for a full queue [s]
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+ALL = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """Quality of service of a topic.
+
+    Its text is `reliable` or `best-effort`, `latched` for who joins late (transient local), and a depth: `reliable,10`.
+    """
+
+    reliable: bool = True
+    latched: bool = False
+    depth: int = 1
+
+    @classmethod
+    def of(cls, text: str) -> "Quality":
+        """The quality of a text; OptionError: it is none."""
+        words = {"reliable": {"reliable": True}, "best-effort": {"reliable": False}, "latched": {"latched": True},
+                 "volatile": {"latched": False}}  # fmt: skip
+        found = dict[str, Any]()
+        for word in text.split(","):
+            if word.isdigit() and 1 <= int(word) <= DEEP:
+                found["depth"] = int(word)
+            elif word in words:
+                found |= words[word]
+            else:
+                raise OptionError(
+                    f"a quality of service has no {word[:40]!r}; it is a list of {', '.join(words)} and a depth up to "
+                    f"{DEEP}, such as reliable,latched,1"
+                )
+        return cls(**found)
+
+    def policies(self, *, writer: bool, kind: type[IdlStruct]) -> Qos:
+        """Return it as DDS has it, with ROS's hash of a published type."""
+        reliable = Policy.Reliability.Reliable(duration(seconds=BLOCKED))
+        latched = [Policy.DurabilityService(0, Policy.History.KeepLast(self.depth), ALL, ALL, ALL)]
+        known = [Policy.Userdata(f"typehash=RIHS01_{HASHES[kind]};".encode())] if writer and kind in HASHES else []
+        return Qos(
+            reliable if self.reliable else Policy.Reliability.BestEffort,
+            Policy.Durability.TransientLocal if self.latched else Policy.Durability.Volatile,
+            Policy.History.KeepLast(self.depth),
+            Policy.DataRepresentation(use_cdrv0_representation=True),
+            *(latched if writer and self.latched else []), *known,
+        )  # fmt: skip
+
+
+SENSOR = Quality(reliable=False, depth=5)
+RELIABLE = Quality(depth=10)
+LATCHED = Quality(latched=True)
+
+
+class Publisher(Generic[Message]):
+    """Publishes messages of a topic."""
+
+    def __init__(self, name: str, writer: DataWriter[Message]) -> None:
+        self.name = name
+        self._writer = writer
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody subscribes."""
+        return bool(self._writer.get_publication_matched_status().current_count)
+
+    def publish(self, message: Message) -> None:
+        """Send a message; one that a full queue cannot take is lost."""
+        try:
+            self._writer.write(message)
+        except DDSException as error:
+            if error.code != DDSException.DDS_RETCODE_TIMEOUT:
+                raise
+
+    def refused(self) -> bool:
+        """Whether somebody who subscribes demands another quality of service."""
+        return bool(self._writer.get_offered_incompatible_qos_status().total_count_change)
+
+
+class Subscription(Generic[Message]):
+    """Has the messages of a topic that came since they were last taken."""
+
+    def __init__(self, name: str, reader: DataReader[Message], kind: type[Message]) -> None:
+        self.name = name
+        self._kind = kind
+        self._reader = reader
+        self.news = ReadCondition(reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
+
+    @property
+    def offered(self) -> bool:
+        """Whether anybody publishes."""
+        return bool(self._reader.get_subscription_matched_status().current_count)
+
+    def take(self) -> list[Message]:
+        """Return all new messages, the oldest first."""
+        found = self._reader.take(N=DEEP)
+        return [one for one in found if isinstance(one, self._kind)]  # not that a publisher has gone
+
+    def refused(self) -> bool:
+        """Whether somebody publishes in a quality of service that is less than demanded."""
+        return bool(self._reader.get_requested_incompatible_qos_status().total_count_change)
+
+
+class Graph:
+    """A participant in a ROS 2 graph.
+
+    Args:
+        domain: number of the graph, ROS_DOMAIN_ID elsewhere.
+        interface: name or address of the network interface; None: loopback.
+        peers: addresses where nodes are looked for as well.
+        namespace: put before names of topics that do not begin with a slash.
+
+    Raises:
+        OptionError: there is no such interface, or the namespace is no name.
+    """
+
+    def __init__(
+        self, domain: int = 0, interface: str | None = None, peers: Sequence[str] = (), namespace: str = ""
+    ) -> None:  # fmt: skip
+        self.namespace = checked_name(namespace, "the namespace") if namespace.strip("/") else ""
+        try:
+            self._domain = Domain(domain, configuration(interface, peers))
+            self._participant = DomainParticipant(domain)
+        except DDSException:
+            raise OptionError(f"no DDS on the interface {interface or LOOPBACK}; name one that is up") from None
+        self._waits = WaitSet(self._participant)
+        self._ends = list[Publisher[Any] | Subscription[Any]]()
+
+    def full(self, name: str) -> str:
+        """Return a topic's whole name; OptionError: it is none."""
+        checked_name(name, "the topic")
+        return name if name.startswith("/") else f"/{self.namespace}/{name}".replace("//", "/")
+
+    def publisher(self, name: str, kind: type[Message], quality: Quality = RELIABLE) -> Publisher[Message]:
+        """Publish a topic, with a slash in front or in the namespace."""
+        full = self.full(name)
+        topic = Topic(self._participant, f"rt{full}", kind)
+        made = Publisher(full, DataWriter(self._participant, topic, quality.policies(writer=True, kind=kind)))
+        self._ends.append(made)
+        return made
+
+    def subscription(self, name: str, kind: type[Message], quality: Quality = RELIABLE) -> Subscription[Message]:
+        """Subscribe to a topic, with a slash in front or in the namespace."""
+        full = self.full(name)
+        topic = Topic(self._participant, f"rt{full}", kind)
+        reader = DataReader(self._participant, topic, quality.policies(writer=False, kind=kind))
+        made = Subscription(full, reader, kind)
+        self._waits.attach(made.news)
+        self._ends.append(made)
+        return made
+
+    def wait(self, seconds: float) -> None:
+        """Return when there is a message, or a time [s] has passed."""
+        self._waits.wait(max(0, round(seconds * 1e9)))
+
+    def troubles(self) -> list[str]:
+        """Return a sentence for each topic on which somebody's quality of service does not fit, since the last call."""
+        return [
+            f"{one.name}: another node's quality of service does not fit, so nothing arrives; choose ours with --qos"
+            for one in self._ends if one.refused()
+        ]  # fmt: skip
+
+
+def checked_name(name: str, what: str) -> str:
+    """Return a name of ROS as it is; OptionError: it is none."""
+    if not NAME.fullmatch(name.strip("/")) or name.endswith("/"):
+        raise OptionError(f"{what} is {name[:60]!r}; it must be words of letters, digits and _, with / between them")
+    return name
+
+
+def configuration(interface: str | None, peers: Sequence[str]) -> str:
+    """Return what Cyclone DDS reads: loopback alone, found by address; another interface with multicast."""
+    own = "address" if interface is None or interface[:1].isdigit() else "name"
+    local = interface is None
+    known = [LOOPBACK, *peers] if local else peers
+    found = "".join(f"<Peer address={quoteattr(one)}/>" for one in known)
+    return (
+        "<CycloneDDS><Domain><General><Interfaces>"
+        f"<NetworkInterface {own}={quoteattr(interface or LOOPBACK)}/>"
+        f"</Interfaces><AllowMulticast>{'false' if local else 'default'}</AllowMulticast></General>"
+        f"<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{MOST_NODES}"
+        f"</MaxAutoParticipantIndex><Peers>{found}</Peers></Discovery></Domain></CycloneDDS>"
+    )
