@@ -162,7 +162,7 @@ class Graph:
         """Publish a topic, with a slash in front or in the namespace."""
         full = self.full(name)
         topic = Topic(self._participant, f"rt{full}", kind)
-        made = Publisher(full, DataWriter(self._participant, topic, quality.policies(writer=True, kind=kind)))
+        made = Publisher[Message](full, DataWriter(self._participant, topic, quality.policies(writer=True, kind=kind)))
         self._ends.append(made)
         return made
 

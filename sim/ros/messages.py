@@ -365,4 +365,4 @@ HASHES: dict[type[IdlStruct], str] = {  # of types that have topics of their own
 
 def ros_name(kind: type[IdlStruct]) -> str:
     """Return the name of a type in ROS, such as nav_msgs/msg/Path."""
-    return kind.__idl_typename__.replace(".dds_", "").removesuffix("_").replace(".", "/")
+    return str(kind.__idl_typename__).replace(".dds_", "").removesuffix("_").replace(".", "/")
