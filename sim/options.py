@@ -23,9 +23,9 @@ DOUBLINGS = 16  # of --samples under --target-error, without --budget
 DAILY = {  # options that `--help` of a command with a scene lists
     "scene", "scenes", "robot", "footprint", "start", "goal", "noise", "seed", "method", "risk", "preset", "samples",
     "vertices", "real-time", "sense", "output", "png", "at", "repeat", "truth", "record", "video", "view", "headless",
-    "script", "methods", "seeds", "jobs", "json",
+    "script", "methods", "seeds", "jobs", "json", "ros",
 }  # fmt: skip
-*_, RUN, GRID, RECORDING, FILES = GROUPS
+*_, RUN, GRID, RECORDING, FILES, ROS = GROUPS
 PLANE = ADAPTERS[0]
 
 
@@ -44,6 +44,8 @@ def _one(commands: str, name: str, text: str, metavar: Any = "", **more: Any) ->
 _file = partial(_one, kind=Path, group=FILES)
 _output = partial(_file, output=True)
 _flag = partial(_one, kind=bool)
+_ros = partial(_one, "run ros", group=ROS)
+_robot = partial(_one, "run", group=ROS)
 _singles = " ".join(SINGLE)
 
 COMMAND_OPTIONS = (
@@ -76,6 +78,23 @@ COMMAND_OPTIONS = (
     _flag("run play", "view", "open the Rerun viewer", group=RECORDING),
     _flag("run play", "serve", "serve browsers of this machine, from a terminal until Ctrl-C", group=RECORDING),
     _one("run play", "connect", "stream to a viewer, rerun+http://127.0.0.1:9876/proxy", "URL", group=RECORDING),
+    _robot("ros", "let others drive over ROS 2, as a robot of theirs (extra `ros`)", kind=bool, extra="ros"),
+    _robot("odom-hz", "odometry, /tf and /clock a second", "HZ", kind=float, default=50.0, bounds=(1.0, 1000.0)),
+    _robot("command-timeout", "time without a command after which the robot stops", "S", kind=float, default=0.5,
+           bounds=(0.01, 86_400.0)),
+    _robot("wait", "time for which a run waits for the first command", "S", kind=float, default=60.0,
+           bounds=(0.0, 86_400.0)),
+    _ros("domain", "number of the graph", "N", kind=int, bounds=(0, 232), unset="ROS_DOMAIN_ID, else 0"),
+    _ros("interface", "name or address of a network interface", "NAME", unset="loopback, for this machine alone"),
+    _ros("peer", "addresses where other nodes are looked for", "ADDRESS", count="+"),
+    _ros("namespace", "namespace of topics", "NAME", default=""),
+    _ros("stamped", "commands are TwistStamped", kind=bool),
+    _ros("map-frame", "name of the map's frame", "NAME", default="map"),
+    _ros("odom-frame", "name of the odometry's frame", "NAME", default="odom"),
+    _ros("base-frame", "name of the robot's frame", "NAME", default="base_link"),
+    _ros("remap", "other names of topics", "FROM:=TO", count="+"),
+    _ros("qos", "quality of service of topics, as in scan=reliable,10 or map=best-effort,volatile", "TOPIC=QUALITY",
+         count="+"),
     _flag("play", "headless", "no window, as fast as possible, deterministic", group=RUN),
     _file("play", "script", "pushes, moves and noise by the time of the run, as JSON", "FILE.json", group=RUN),
     _one("sweep", "methods", f"methods, of {', '.join(METHODS)}", "A,B", default="pi-rrht", group=GRID),

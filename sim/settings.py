@@ -19,7 +19,7 @@ from sim.text import suggestion
 
 DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
 SINGLE = ("plan", "run", "play", "estimate")  # those that take one method, noise and seed
-GROUPS = ("scene and robot", "problem", "planner and sampler", "run", "grid", "recording", "files")  # headings
+GROUPS = ("scene and robot", "problem", "planner and sampler", "run", "grid", "recording", "files", "ROS 2")
 SCENE, PROBLEM, PLANNER, RUN, GRID, *_ = GROUPS
 SEED = 2**63 - 1  # the largest seed
 PLACES = (-1e6, 1e6)  # coordinates of a scene [m]

@@ -93,7 +93,7 @@ def extras_of(arguments: argparse.Namespace) -> list[str]:
     """Return the extras of the package that a command needs with its options."""
     given = [(option, getattr(arguments, option.dest)) for option in options_of(arguments.command)]
     maps = ["maps" for _, value in given if isinstance(value, Path) and value.suffix.lower() in MAPS]
-    return [option.extra for option, value in given if option.extra and value is not None] + maps
+    return [option.extra for option, value in given if option.extra and value not in (None, False)] + maps
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:
