@@ -44,8 +44,12 @@ def _one(commands: str, name: str, text: str, metavar: Any = "", **more: Any) ->
 _file = partial(_one, kind=Path, group=FILES)
 _output = partial(_file, output=True)
 _flag = partial(_one, kind=bool)
-_ros = partial(_one, group=ROS)
 _singles = " ".join(SINGLE)
+
+
+def _ros(commands: str, name: str, text: str, metavar: Any = "", **more: Any) -> Option:
+    return replace(_one(commands, name, text, metavar, group=ROS, **more), numeric=False)  # no scene carries it
+
 
 COMMAND_OPTIONS = (
     _one(_singles, "scene", "built-in name or MJCF file", "SCENE", positional=True),

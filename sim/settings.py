@@ -155,7 +155,8 @@ class Settings:
     """Everything a run depends on besides the scene, in SI units; OptionError: out of bounds, or two that clash."""
 
     # fmt: off
-    noise: float = stated(0.1, "noise b in the robot's unit", "B", (1e-6, 1e3), group=PROBLEM, commands=(*SINGLE, "ros"))
+    noise: float = stated(0.1, "noise b in the robot's unit", "B", (1e-6, 1e3), group=PROBLEM,
+                          commands=(*SINGLE, "ros"))
     speed: float = stated(1.0, "speed of a unicycle, best speed of a puck or rover", "M/S", (1e-3, 1e3), group=PROBLEM)
     rho: float = stated(1.0, "turning radius of a unicycle at |u| = 1 and V = 1", "M", (1e-3, 1e4), group=PROBLEM)
     phi: float = stated(np.inf, "final cost of a path that ends off the goal", "COST", (0.0, 1e12), infinite=True,

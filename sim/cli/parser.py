@@ -30,7 +30,7 @@ PLAYED = (
     '  {"at": 1, "move": "NAME OF AN OBSTACLE", "by": [DX, DY]}, {"at": 2, "noise": 0.3}]'
 )
 ROS = (
-    "in: map (latched) or, with --sense lidar, scan; odom, /tf, /tf_static, goal_pose; pirrht/cancel withdraws the goal\n"
+    "in: map (latched) or, with --sense lidar, scan; odom, /tf, /tf_static, goal_pose; pirrht/cancel ends it\n"
     "out: cmd_vel, plan, pirrht/classes, pirrht/samples, /diagnostics"
 )
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"

@@ -9,15 +9,13 @@ import numpy as np
 from pirrht.errors import OptionError
 from sim import options
 from sim.cli.plan_command import notice
-from sim.options import completed
 from sim.ros.graph import Graph
 from sim.ros.node import Node, NodeOptions
 from sim.ros.planning import Work
 from sim.text import counted, say
 
 MOST_DOMAIN = 232
-NODE = ("map_frame", "base_frame", "pose_from", "stamped")
-NUMBERS = ("late", "map_late", "max_speed", "max_turn")
+NODE = ("map_frame", "base_frame", "pose_from", "stamped", "late", "map_late", "max_speed", "max_turn")
 
 
 def graph_of(arguments: argparse.Namespace) -> Graph:
@@ -34,13 +32,11 @@ def graph_of(arguments: argparse.Namespace) -> Graph:
 def ros(arguments: argparse.Namespace) -> int:
     """Plan for a robot of a graph."""
     given = options.of_run("ros", vars(arguments))
-    numbers = completed("ros", vars(arguments), {})
     workspace: Any = given.pop("workspace", None)
     if workspace is not None and len(workspace) != 4:
         raise OptionError("--workspace must be X0 X1 Y0 Y1, of a robot on the ground")
-    known: dict[str, Any] = {name: getattr(arguments, name) for name in NODE}
-    known |= {name: numbers[name.replace("_", "-")] for name in NUMBERS}
-    work = Work(given, numbers["goal-radius"], None if workspace is None else np.array(workspace), say)
+    known: Any = {name: getattr(arguments, name) for name in NODE}
+    work = Work(given, arguments.goal_radius, None if workspace is None else np.array(workspace), say)
     notice()
     graph = graph_of(arguments)
     node = Node(graph, work, NodeOptions(**known), lambda line: print(line, flush=True))
