@@ -146,8 +146,9 @@ class Node:
             self._try("scan", self._take_scan, scan)
         for goal in self._goals.take()[-1:]:
             self._try(self._goals.name, self._take_goal, goal)
-        if self._cancels.take() and self._goal is not None:
+        if self._cancels.take():
             self._goal = None
+            self._wrong.pop(self._goals.name, None)
             self.say("the goal is withdrawn")
 
         before = self._pose
