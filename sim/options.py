@@ -44,9 +44,12 @@ def _one(commands: str, name: str, text: str, metavar: Any = "", **more: Any) ->
 _file = partial(_one, kind=Path, group=FILES)
 _output = partial(_file, output=True)
 _flag = partial(_one, kind=bool)
-_ros = partial(_one, "run ros", group=ROS)
-_robot = partial(_one, "run", group=ROS)
 _singles = " ".join(SINGLE)
+
+
+def _ros(commands: str, name: str, text: str, metavar: Any = "", **more: Any) -> Option:
+    return replace(_one(commands, name, text, metavar, group=ROS, **more), numeric=False)  # no scene carries it
+
 
 COMMAND_OPTIONS = (
     _one(_singles, "scene", "built-in name or MJCF file", "SCENE", positional=True),
@@ -78,23 +81,6 @@ COMMAND_OPTIONS = (
     _flag("run play", "view", "open the Rerun viewer", group=RECORDING),
     _flag("run play", "serve", "serve browsers of this machine, from a terminal until Ctrl-C", group=RECORDING),
     _one("run play", "connect", "stream to a viewer, rerun+http://127.0.0.1:9876/proxy", "URL", group=RECORDING),
-    _robot("ros", "let others drive over ROS 2, as a robot of theirs (extra `ros`)", kind=bool, extra="ros"),
-    _robot("odom-hz", "odometry, /tf and /clock a second", "HZ", kind=float, default=50.0, bounds=(1.0, 1000.0)),
-    _robot("command-timeout", "time without a command after which the robot stops", "S", kind=float, default=0.5,
-           bounds=(0.01, 86_400.0)),
-    _robot("wait", "time for which a run waits for the first command", "S", kind=float, default=60.0,
-           bounds=(0.0, 86_400.0)),
-    _ros("domain", "number of the graph", "N", kind=int, bounds=(0, 232), unset="ROS_DOMAIN_ID, else 0"),
-    _ros("interface", "name or address of a network interface", "NAME", unset="loopback, for this machine alone"),
-    _ros("peer", "addresses where other nodes are looked for", "ADDRESS", count="+"),
-    _ros("namespace", "namespace of topics", "NAME", default=""),
-    _ros("stamped", "commands are TwistStamped", kind=bool),
-    _ros("map-frame", "name of the map's frame", "NAME", default="map"),
-    _ros("odom-frame", "name of the odometry's frame", "NAME", default="odom"),
-    _ros("base-frame", "name of the robot's frame", "NAME", default="base_link"),
-    _ros("remap", "other names of topics", "FROM:=TO", count="+"),
-    _ros("qos", "quality of service of topics, as in scan=reliable,10 or map=best-effort,volatile", "TOPIC=QUALITY",
-         count="+"),
     _flag("play", "headless", "no window, as fast as possible, deterministic", group=RUN),
     _file("play", "script", "pushes, moves and noise by the time of the run, as JSON", "FILE.json", group=RUN),
     _one("sweep", "methods", f"methods, of {', '.join(METHODS)}", "A,B", default="pi-rrht", group=GRID),
@@ -123,6 +109,37 @@ COMMAND_OPTIONS = (
     _one("import", "models", "folders of a Gazebo world's models, before GZ_SIM_RESOURCE_PATH, "
          "GAZEBO_MODEL_PATH and those around WORLD", "DIR", kind=Path, count="+"),
     _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
+    _ros("run", "ros", "let others drive over ROS 2, as a robot of theirs (extra `ros`)", kind=bool, extra="ros"),
+    _ros("run", "odom-hz", "how often odometry, /tf and /clock are published", "HZ", kind=float, default=50.0,
+         bounds=(1.0, 1000.0)),
+    _ros("run", "command-timeout", "time without a command after which the robot stops", "S", kind=float, default=0.5,
+         bounds=(0.01, 86_400.0)),
+    _ros("run", "wait", "time for which a run waits for the first command", "S", kind=float, default=60.0,
+         bounds=(0.0, 86_400.0)),
+    _ros("run", "odom-frame", "frame of the odometry", "FRAME", default="odom"),
+    _ros("run ros", "domain", "number of the graph", "N", kind=int, unset="ROS_DOMAIN_ID, or 0", bounds=(0, 232)),
+    _ros("run ros", "interface", "network interface, a name or an address", "NAME", unset="loopback"),
+    _ros("run ros", "peer", "addresses where nodes are looked for as well", "ADDRESS", count="+"),
+    _ros("run ros", "namespace", "put before names of topics that have no slash in front", "NAME", unset="none"),
+    _ros("run ros", "map-frame", "frame of maps, plans and goals", "FRAME", default="map"),
+    _ros("run ros", "base-frame", "frame of the robot", "FRAME", default="base_link"),
+    _ros("run ros", "remap", "other names of topics", "FROM:=TO", count="+"),
+    _ros("run ros", "qos", "quality of service of topics, as in scan=reliable,10 or map=best-effort,volatile",
+         "TOPIC=QUALITY", count="+"),
+    _ros("run ros", "stamped", "commands are TwistStamped", kind=bool),
+    _ros("ros", "pose-from", "pose of the robot: by odometry and the frame it is in (odom), or by /tf alone (tf)",
+         "RULE", choices=("odom", "tf"), default="odom"),
+    _ros("ros", "goal-radius", "distance to a goal at which the robot has arrived", "M", kind=float, default=0.25,
+         bounds=(0.01, 100.0)),
+    _ros("ros", "late", "age of odometry, scans and plans from which on the robot stops", "S", kind=float,
+         default=0.5, bounds=(0.01, 60.0)),
+    _ros("ros", "map-late", "age of the map from which on it stops; 0: never", "S", kind=float, default=0.0,
+         bounds=(0.0, 3600.0)),
+    _ros("ros", "max-speed", "most speed of a command", "M/S", kind=float, default=math.inf, infinite=True,
+         bounds=(1e-3, 100.0)),
+    _ros("ros", "max-turn", "most turn rate of a command", "RAD/S", kind=float, default=math.inf, infinite=True,
+         bounds=(1e-3, 100.0)),
+    _flag("ros", "once", "end at the first goal: exit status 0", group=ROS),
     _one("import", "unknown", "unknown cells of a map are walls (occupied) or not (free)", "RULE", unset="occupied"),
 )  # fmt: skip
 OPTIONS: tuple[Option, ...] = (*SCENE_OPTIONS, *SETTINGS, *COMMAND_OPTIONS)

@@ -99,15 +99,13 @@ def _wiring(arguments: argparse.Namespace) -> Callable[[Any], Any]:
     lidar = Lidar.of(arguments.lidar or "")
     frames = {f"{one}_frame": getattr(arguments, f"{one}_frame") for one in ("map", "odom", "base")}
     cell = arguments.cell or Settings().cell
-    known = {"stamped": arguments.stamped, "cell": None if arguments.sense == "lidar" else cell, **frames}
+    wiring = Wiring(
+        hz=arguments.odom_hz, timeout=arguments.command_timeout, wait=arguments.wait, stamped=arguments.stamped,
+        cell=None if arguments.sense == "lidar" else cell, **frames,
+    )  # fmt: skip
+    graph = Graph.of(**{name: getattr(arguments, name) for name in OPTIONS})
     arguments.lidar = arguments.sense = arguments.cell = None  # a run's own are those of plans
-
-    def joined(scenario: Any) -> Remote:
-        graph = Graph.of(**{name: getattr(arguments, name) for name in OPTIONS})
-        numbers = {"hz": arguments.odom_hz, "timeout": arguments.command_timeout, "wait": arguments.wait}
-        return Remote(scenario, graph, lidar=lidar, wiring=Wiring(**known, **numbers), say=tqdm.write)
-
-    return joined
+    return lambda scenario: Remote(scenario, graph, lidar=lidar, wiring=wiring, say=tqdm.write)
 
 
 def _prepared(scenario: Any, seen: Any, *, exact: bool) -> tuple[Any, list[Reference], Any]:

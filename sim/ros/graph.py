@@ -31,6 +31,7 @@ DEEP = 100  # messages of a queue at most
 BLOCKED = 0.1  # for which a reliable publisher waits for a full queue [s]
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 ALL = -1
+MOST_DOMAIN = 232
 OPTIONS = ("domain", "interface", "peer", "namespace", "remap", "qos")  # of a command line, for `Graph.of`
 
 
@@ -165,15 +166,15 @@ class Graph:
     @classmethod
     def of(
         cls, *, domain: int | None = None, interface: str | None = None, peer: Sequence[str] | None = None,
-        namespace: str = "", remap: Iterable[str] | None = None, qos: Iterable[str] | None = None,
+        namespace: str | None = None, remap: Iterable[str] | None = None, qos: Iterable[str] | None = None,
     ) -> "Graph":  # fmt: skip
         """Join a graph by what a command line says: the options in `OPTIONS`; OptionError: one of them cannot be."""
-        known = os.environ.get("ROS_DOMAIN_ID") or "0"
-        if domain is None and not known.isdigit():
-            raise OptionError(f"ROS_DOMAIN_ID is {known[:40]!r}; it must be a whole number")
+        known = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+        if domain is None and not (known.isdigit() and int(known) <= MOST_DOMAIN):
+            raise OptionError(f"ROS_DOMAIN_ID is {known[:40]!r}; it must be a number from 0 to {MOST_DOMAIN}")
         qualities = {name: Quality.of(text) for name, text in pairs(qos, "=", "--qos scan=reliable,10").items()}
         names = pairs(remap, ":=", "--remap scan:=front/scan")
-        return cls(int(known) if domain is None else domain, interface, peer or (), namespace, names, qualities)
+        return cls(int(known) if domain is None else domain, interface, peer or (), namespace or "", names, qualities)
 
     def full(self, name: str) -> str:
         """Return a topic's whole name, remapped; OptionError: it is none."""
