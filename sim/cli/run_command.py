@@ -3,7 +3,7 @@
 import argparse
 import sys
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict
 from functools import partial
@@ -46,11 +46,12 @@ def run(arguments: argparse.Namespace) -> int:
     film = _film(arguments, scenario)
     recorder = None
     seen, _ = first_seen(scenario)
-    if wiring is not None:
-        (driver, references, truth), own = (wiring(scenario), [], None), {"method": "ros"}
+    remote = None if wiring is None else wiring(scenario)
+    own: dict[str, Any] = {} if remote is None else {"method": "ros"}
+    if remote is None:
+        driver, references, truth = _prepared(scenario, seen, exact=arguments.truth)
     else:
-        (driver, references, truth), own = _prepared(scenario, seen, exact=arguments.truth), {}
-    plant = scenario.plant() if wiring is None else driver.plant
+        driver, references, truth = remote, list[Reference](), None
     observers: list[Observer] = [] if film is None else [lambda frame: film.add(frame, driver.path_integral)]
     with ExitStack() as stack:
         if sinks:
@@ -60,15 +61,16 @@ def run(arguments: argparse.Namespace) -> int:
                 print(WATCH.format(recorder.server.page), flush=True)
         bar = stack.enter_context(Progress("run", scenario.settings.max_time, "s"))
         observers.append(partial(_show, bar, scenario.settings.risk))
-        if wiring is not None:
-            stack.callback(plant.finish)
+        if remote is not None:
+            stack.callback(remote.plant.finish)
+        plant = scenario.plant() if remote is None else remote.plant
         last = _driven(scenario.drive(plant, driver, grid=truth), observers)
     assert last is not None
     result = last.metrics.json() | own
     collision = scenario.collisions(last.metrics.first_plan)
     tables.summary(last.metrics, scenario)
-    if wiring is not None:
-        say(driver.summary())
+    if remote is not None:
+        say(remote.summary())
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -178,7 +180,7 @@ def _sinks(arguments: argparse.Namespace) -> Any:
     return sinks
 
 
-def _recorder(scenario: Any, driver: Any, sinks: Any, own: Mapping[str, str] | None = None, **more: Any) -> Any:
+def _recorder(scenario: Any, driver: Any, sinks: Any, own: dict[str, Any] | None = None, **more: Any) -> Any:
     from sim.recording.recorder import Recorder
 
     settings = settings_json(scenario) | (own or {})

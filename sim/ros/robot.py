@@ -208,8 +208,7 @@ class RemotePlant(Executor):
         still = np.zeros(self._problem.dynamics.m)
         begin = super()._made(x, still, still)
         by = [super(RemotePlant, self)._made(x, one, still) - begin for one in np.eye(len(still))]
-        found: Array = np.linalg.lstsq(np.transpose(by), self.wanted(x) - begin)[0]
-        return found
+        return np.asarray(np.linalg.lstsq(np.transpose(by), self.wanted(x) - begin)[0], float)
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period, or to the goal or a collision, once there is a command; see `Plant.advance`."""
