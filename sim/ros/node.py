@@ -234,7 +234,6 @@ class Node:
         self._arrived_at = self._goal
         self._goal = None
         self.arrived += 1
-        self.say("arrived")
 
     def _order(self) -> None:
         """Have plans made, if there is all that they need."""

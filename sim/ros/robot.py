@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
 from time import monotonic
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,8 @@ class Wire:
         self._static = graph.publisher("/tf_static", TFMessage, LATCHED)
         self._scan = graph.publisher("scan", LaserScan, SENSOR)
         self._goal = graph.publisher("goal_pose", PoseStamped)
-        self._commands = graph.subscription("cmd_vel", TwistStamped if wiring.stamped else Twist)
+        kind: Any = TwistStamped if wiring.stamped else Twist
+        self._commands = graph.subscription("cmd_vel", kind)
 
         self.begun = False  # whether a command has moved the robot
         self.taken = 0  # commands
