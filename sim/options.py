@@ -90,7 +90,7 @@ COMMAND_OPTIONS = (
     _file("report", "folder", "made by `pirrht sweep -o DIR`, complete or not", "DIR", positional=True),
     _file("report", "output", "folder of report.md and report.html", "FOLDER", short="o", unset="DIR"),
     _file("export", "recording", "made by `pirrht run --record`, complete or not", "FILE.rrd", positional=True),
-    _output("export", "output", "the table to write, .parquet or .npz", "TABLE", short="o", required=True),
+    _output("export", "output", "the table to write, .parquet or .npz, or messages, .mcap (extra `ros`)", "FILE", short="o", required=True),
     _file("import", "world", "a Gazebo world or SDF file, the .yaml of a map, motions (.json), a mesh, or voxels "
           "(.npy, .npz, .bt)", "WORLD", positional=True),
     _output("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
