@@ -155,12 +155,13 @@ def report(arguments: argparse.Namespace) -> int:
 
 
 def import_world(arguments: argparse.Namespace) -> int:
-    """Turn a Gazebo world, a ROS map or a file of motions into a scene."""
+    """Turn a Gazebo world, a ROS map or bag, or a file of motions into a scene."""
     from sim.importing import scene_file
     from sim.importing.sdf_files import folders_of
 
     words = {name: value for name, value in vars(arguments).items() if name not in ("command", "world", "output")}
     words |= {"models": [*(arguments.models or ()), *folders_of(os.environ)], "without": arguments.without or ()}
+    words["topics"] = arguments.topics or ()
     imported = scene_file.import_world(arguments.world, arguments.output, **words)
     moving = f", and {counted(imported.movers, 'moving obstacle')}" if imported.movers else ""
     print(f"{path_text(imported.path)}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")

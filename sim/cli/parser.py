@@ -44,7 +44,7 @@ COMMANDS: dict[str, tuple[str, str]] = {  # of each: a sentence, and more of `--
     "report": ("summarise a sweep: intervals, comparisons on equal seeds, pictures", ""),
     "warm": ("compile kernels ahead, so that the first command of a robot does not have to", ""),
     "export": ("turn a recording into a table (Parquet, NumPy) or messages of ROS 2 (MCAP)", f"{TABLE}\n{explained()}"),
-    "import": ("turn a Gazebo world, a ROS map, a mesh, voxels or DynaBARN's motions into a scene", ""),
+    "import": ("turn a Gazebo world, a ROS map or bag, a mesh, voxels or DynaBARN's motions into a scene", ""),
 }
 
 

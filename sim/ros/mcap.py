@@ -25,6 +25,7 @@ from pirrht.arrays import Array
 from sim.drawing import known
 from sim.files import replaced
 from sim.recording.export import Recording, Row, Shown
+from sim.recording.writer import AHEAD, PIECES
 from sim.ros import messages as ros
 from sim.ros.messages import ColorRGBA, Header, Marker, MarkerArray, Point, Pose, Quaternion, Time, Twist, Vector3
 
@@ -35,10 +36,11 @@ SOLIDS = ("/world/scene/obstacles/", "/world/scene/others/", "/world/scene/goal"
 THIN, LETTERS = 0.012, 0.2  # of a sampled path, and of a name [m]
 NUMBERS = ("cost", "length", "clearance", "value", "value_error", "collision", "vertices", "outcome")
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+POSE, SPACE = ("x", "y", "heading"), ("x", "y", "z")
 COMMANDED: Mapping[tuple[str, ...], Callable[..., Twist]] = {  # of robots by their states, which are no velocities
     ("x", "y"): lambda x, y: Twist(linear=Vector3(x, y)),
-    ("x", "y", "z"): lambda x, y, z: Twist(linear=Vector3(x, y, z)),
-    ("x", "y", "heading"): lambda ahead, turn: Twist(linear=Vector3(ahead), angular=Vector3(z=turn)),
+    SPACE: lambda x, y, z: Twist(linear=Vector3(x, y, z)),
+    POSE: lambda ahead, turn: Twist(linear=Vector3(ahead), angular=Vector3(z=turn)),
 }
 
 Sent = tuple[float, str, Any]  # time [s], topic, message
@@ -84,6 +86,7 @@ def _channel(writer: Any, topic: str, kind: type[Any]) -> int:
 def sent(recording: Recording, shown: Shown) -> Iterator[Sent]:
     """Yield all messages of a recording, topic by topic."""
     yield from _poses(shown)
+    yield from _commands(recording, shown)
     yield from _numbers(recording)
     yield from _plans(recording, shown)
     yield from _samples(shown)
@@ -127,14 +130,23 @@ def _between(one: Array, two: Array, duration: float) -> Twist:
     return Twist(Vector3(*linear.tolist()), Vector3(*angular.tolist()))
 
 
-def _numbers(recording: Recording) -> Iterator[Sent]:
-    """Yield the control of each step, where it is a velocity, and its numbers."""
+def _commands(recording: Recording, shown: Shown) -> Iterator[Sent]:
+    """Yield the control of each step, where it is a velocity."""
+    arrows = {row.time: row.cells.get("Arrows3D:vectors", ()) for row in shown["/world/robot"]}
     states = tuple(recording.settings.get("states", "").split())
-    for step, time, cells in recording.steps:
+    for _, time, cells in recording.steps:
         control = cells.get("control") or []
-        names = states or ("x", "y", "heading")[: len(cells["state"])]
-        if names in COMMANDED and len(control) == max(2, len(names) - ("heading" in names)):
+        names = states or POSE[: len(cells["state"])]
+        if names == POSE and len(control) == 1 and len(arrows.get(time, ())):  # its speed is given
+            way = np.exp(1j * control[0] * AHEAD / PIECES * np.arange(PIECES)).mean() * AHEAD  # at unit speed
+            control = [float(np.linalg.norm(arrows[time][0])) / abs(way), *control]
+        if names in COMMANDED and len(control) == (3 if names == SPACE else 2):
             yield time, "/cmd_vel", COMMANDED[names](*control)
+
+
+def _numbers(recording: Recording) -> Iterator[Sent]:
+    """Yield the numbers of each step."""
+    for step, time, cells in recording.steps:
         values = {name: cells[name][0] for name in NUMBERS if cells.get(name)}
         values["effective samples"] = sum(cells.get("ess") or [])
         values["plan_ms"] = recording.plan_ms.get(step, float("nan"))
