@@ -23,9 +23,9 @@ DOUBLINGS = 16  # of --samples under --target-error, without --budget
 DAILY = {  # options that `--help` of a command with a scene lists
     "scene", "scenes", "robot", "footprint", "start", "goal", "noise", "seed", "method", "risk", "preset", "samples",
     "vertices", "real-time", "sense", "output", "png", "at", "repeat", "truth", "record", "video", "view", "headless",
-    "script", "methods", "seeds", "jobs", "json",
+    "script", "methods", "seeds", "jobs", "json", "ros",
 }  # fmt: skip
-*_, RUN, GRID, RECORDING, FILES = GROUPS
+*_, RUN, GRID, RECORDING, FILES, ROS = GROUPS
 PLANE = ADAPTERS[0]
 
 
@@ -45,6 +45,11 @@ _file = partial(_one, kind=Path, group=FILES)
 _output = partial(_file, output=True)
 _flag = partial(_one, kind=bool)
 _singles = " ".join(SINGLE)
+
+
+def _ros(commands: str, name: str, text: str, metavar: Any = "", **more: Any) -> Option:
+    return replace(_one(commands, name, text, metavar, group=ROS, **more), numeric=False)  # no scene carries it
+
 
 COMMAND_OPTIONS = (
     _one(_singles, "scene", "built-in name or MJCF file", "SCENE", positional=True),
@@ -106,6 +111,26 @@ COMMAND_OPTIONS = (
          "GAZEBO_MODEL_PATH and those around WORLD", "DIR", kind=Path, count="+"),
     _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
     _one("import", "topic", "which of several topics of a kind in a bag", "NAME", count="+", attribute="topics"),
+    _ros("run ros", "domain", "number of the graph", "N", kind=int, unset="ROS_DOMAIN_ID, or 0", bounds=(0, 232)),
+    _ros("run ros", "interface", "network interface, a name or an address", "NAME", unset="loopback"),
+    _ros("run ros", "peer", "addresses where nodes are looked for as well", "ADDRESS", count="+"),
+    _ros("run ros", "namespace", "put before names of topics that have no slash in front", "NAME", unset="none"),
+    _ros("run ros", "map-frame", "frame of maps, plans and goals", "FRAME", default="map"),
+    _ros("run ros", "base-frame", "frame of the robot", "FRAME", default="base_link"),
+    _ros("run ros", "stamped", "commands are TwistStamped", kind=bool),
+    _ros("ros", "pose-from", "pose of the robot: by odometry and the frame it is in (odom), or by /tf alone (tf)",
+         "RULE", choices=("odom", "tf"), default="odom"),
+    _ros("ros", "goal-radius", "distance to a goal at which the robot has arrived", "M", kind=float, default=0.25,
+         bounds=(0.01, 100.0)),
+    _ros("ros", "late", "age of odometry, scans and plans from which on the robot stops", "S", kind=float,
+         default=0.5, bounds=(0.01, 60.0)),
+    _ros("ros", "map-late", "age of the map from which on it stops; 0: never", "S", kind=float, default=0.0,
+         bounds=(0.0, 3600.0)),
+    _ros("ros", "max-speed", "most speed of a command", "M/S", kind=float, default=math.inf, infinite=True,
+         bounds=(1e-3, 100.0)),
+    _ros("ros", "max-turn", "most turn rate of a command", "RAD/S", kind=float, default=math.inf, infinite=True,
+         bounds=(1e-3, 100.0)),
+    _flag("ros", "once", "end at the first goal: exit status 0", group=ROS),
     _one("import", "unknown", "unknown cells of a map are walls (occupied) or not (free)", "RULE", unset="occupied"),
 )  # fmt: skip
 OPTIONS: tuple[Option, ...] = (*SCENE_OPTIONS, *SETTINGS, *COMMAND_OPTIONS)

@@ -17,9 +17,10 @@ from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS,
 from sim.states import forms_of
 from sim.text import suggestion
 
-DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
+SCENES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
+DRIVES = (*SCENES, "ros")  # and the one whose scene others publish
 SINGLE = ("plan", "run", "play", "estimate")  # those that take one method, noise and seed
-GROUPS = ("scene and robot", "problem", "planner and sampler", "run", "grid", "recording", "files")  # headings
+GROUPS = ("scene and robot", "problem", "planner and sampler", "run", "grid", "recording", "files", "ROS 2")  # headings
 SCENE, PROBLEM, PLANNER, RUN, GRID, *_ = GROUPS
 SEED = 2**63 - 1  # the largest seed
 PLACES = (-1e6, 1e6)  # coordinates of a scene [m]
@@ -134,12 +135,14 @@ class SceneOptions:
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
                                         "narrow passages")
-    start: Sequence[float] | None = placed("start", "the scene's", "")
-    goal: Sequence[float] | None = placed("goal", "the scene's", "")
+    start: Sequence[float] | None = placed("start", "the scene's", "", commands=SCENES)
+    goal: Sequence[float] | None = placed("goal", "the scene's", "", commands=SCENES)
     workspace: Sequence[float] | None = placed("workspace", "the scene's site or floor",
                                                "border of the robot's centre: ", bounds=PLACES)
-    freeze: bool | None = stated(None, "weld bodies with joints at keyframe or default pose, and drop actuators")
-    without: Sequence[str] | None = stated(None, "leave out bodies and what refers to them", "BODY", count="+")
+    freeze: bool | None = stated(None, "weld bodies with joints at keyframe or default pose, and drop actuators",
+                                 commands=SCENES)
+    without: Sequence[str] | None = stated(None, "leave out bodies and what refers to them", "BODY", count="+",
+                                           commands=SCENES)
     preset: str | None = stated(None, "paper, fast or accurate", "NAME", group=PLANNER)
     # fmt: on
 
@@ -152,7 +155,8 @@ class Settings:
     """Everything a run depends on besides the scene, in SI units; OptionError: out of bounds, or two that clash."""
 
     # fmt: off
-    noise: float = stated(0.1, "noise b in the robot's unit", "B", (1e-6, 1e3), group=PROBLEM, commands=SINGLE)
+    noise: float = stated(0.1, "noise b in the robot's unit", "B", (1e-6, 1e3), group=PROBLEM,
+                          commands=(*SINGLE, "ros"))
     speed: float = stated(1.0, "speed of a unicycle, best speed of a puck or rover", "M/S", (1e-3, 1e3), group=PROBLEM)
     rho: float = stated(1.0, "turning radius of a unicycle at |u| = 1 and V = 1", "M", (1e-3, 1e4), group=PROBLEM)
     phi: float = stated(np.inf, "final cost of a path that ends off the goal", "COST", (0.0, 1e12), infinite=True,
@@ -161,8 +165,9 @@ class Settings:
                                 "the 95 % bound)", "DELTA", (1e-6, 0.5), unset="by --margin", group=PROBLEM)
     risk_infeasible: str = one_of(("stop", "best"), "where no margin keeps --risk: stop, or take the nearest",
                                   group=PROBLEM)
-    seed: int = stated(0, "seed of tree, samples and plant noise", "N", (0, SEED), group=PROBLEM, commands=SINGLE)
-    method: str = one_of(tuple(METHODS), ", ".join(METHODS), metavar="NAME", commands=SINGLE)
+    seed: int = stated(0, "seed of tree, samples and plant noise", "N", (0, SEED), group=PROBLEM,
+                       commands=(*SINGLE, "ros"))
+    method: str = one_of(tuple(METHODS), ", ".join(METHODS), metavar="NAME", commands=(*SINGLE, "ros"))
     samples: int = stated(200, "samples around each reference", "N", (1, 10_000_000))
     vertices: int = stated(1000, "vertices of the tree", "N", (1, 1_000_000))
     classes: int = stated(16, "classes per vertex at most, 0 for all", "K", (0, 10_000))
@@ -183,7 +188,7 @@ class Settings:
     allocation: str = one_of(ALLOCATIONS, "samples per reference: by contribution to earlier plans, or equal (paper)")
     draws: str = one_of(DRAWS, "pairs of opposite noise (antithetic) or independent samples (paper)")
     polish: bool = stated(True, "do not shorten references")
-    tree: str | None = stated(None, "a tree that `pirrht plan -o` saved", "TREE.npz", commands=DRIVES[1:])
+    tree: str | None = stated(None, "a tree that `pirrht plan -o` saved", "TREE.npz", commands=SCENES[1:])
     consistency: float = stated(0.8, "best-class: factor on the value of the class followed", "C", (1e-3, 1e3))
     look_ahead: float = stated(0.6, "pursuit: distance to the point that is steered to", "M", (0.01, 100.0))
     horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
@@ -198,14 +203,16 @@ class Settings:
                           "M/S2", (0.0, 100.0))
     sense: str = one_of(("map", "lidar"), "plans know the scene, or what a lidar shows")
     lidar: str | None = stated(None, "what differs from 270 degrees, 720 rays, 0.1 to 30 m, sigma 1 mm, 10 Hz: fov, "
-                               "rays, least, most, sigma, rate, x, y, z, yaw", "PART=VALUE,...", unset="BARN's")
+                               "rays, least, most, sigma, rate, x, y, z, yaw", "PART=VALUE,...", unset="BARN's",
+                               commands=SCENES)
     sense_pose: float = stated(0.0, "standard deviation of the place that the robot believes to be at", "M",
-                               (0.0, 1.0))
+                               (0.0, 1.0), commands=SCENES)
     cell: float = stated(0.05, "side of a cell of the lidar's map", "M", (0.005, 1.0))
     unknown: float = stated(0.0, "price of a metre of a path that no ray has shown", "COST", (0.0, 1e6))
     plant: str = one_of(("mujoco", "sde"), "simulate in MuJoCo (mujoco), or by the equation alone (sde)",
-                        metavar="NAME")
-    max_time: float = stated(30.0, "simulated time after which a run ends", "S", (1e-3, 86_400.0))
+                        metavar="NAME", commands=SCENES)
+    max_time: float = stated(30.0, "simulated time after which a run ends", "S", (1e-3, 86_400.0),
+                            commands=SCENES)
     real_time: bool = stated(False, "run against the clock; results differ from run to run", group=RUN,
                              commands=("run",))
     grow: int | None = stated(None, "vertices that the tree gains between two plans; in real time at most", "N",

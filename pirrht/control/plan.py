@@ -125,7 +125,7 @@ class Plan:
         if self.space is None or self.dynamics is None:
             raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
         views = maps.of(self.space, self.time, axes, "plan.plot")
-        drawn = [*self._heaviest(samples)]
+        drawn = [*self.heaviest(samples)]
         by = self.weights()
         colors = ClassColors(self.ids)
         shown = dict(zip(self.ids, self.references, strict=False))
@@ -151,7 +151,7 @@ class Plan:
         axes.set_title(f"{maps.literal(self.space.scene.name)} at {self.time:.2f} s", fontsize=10)
         return axes
 
-    def _heaviest(self, count: int) -> Iterator[tuple[list[Array], Array]]:
+    def heaviest(self, count: int) -> Iterator[tuple[list[Array], Array]]:
         """Yield states (k, n) of so many samples that died, then of the heaviest, each with shares of the most."""
         if self.estimate is None or self.replay is None or count < 1:
             return

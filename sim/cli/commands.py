@@ -191,8 +191,15 @@ def export(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def ros(arguments: argparse.Namespace) -> int:
+    """Plan for a robot of a ROS 2 graph until Ctrl-C, or --once until it has arrived; the robot stands at the end."""
+    from sim.cli import ros_command
+
+    return ros_command.ros(arguments)
+
+
 PLANS = (plan_command.plan, plan_command.estimate, run_command.run, run_command.play)
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
-    **{command.__name__: command for command in (*PLANS, demo, scenes, warm, sweep, report, export)},
+    **{command.__name__: command for command in (*PLANS, ros, demo, scenes, warm, sweep, report, export)},
     "import": import_world,
 }

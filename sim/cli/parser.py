@@ -29,6 +29,10 @@ PLAYED = (
     'script: [{"at": 0.5, "push": [VX, VY], "for": 0.3}, {"at": 1, "move": "goal", "to": [X, Y]},\n'
     '  {"at": 1, "move": "NAME OF AN OBSTACLE", "by": [DX, DY]}, {"at": 2, "noise": 0.3}]'
 )
+ROS = (
+    "in: map (latched) or, with --sense lidar, scan; odom, /tf, /tf_static, goal_pose; pirrht/cancel ends it\n"
+    "out: cmd_vel, plan, pirrht/classes, pirrht/samples, /diagnostics"
+)
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"
 COMMANDS: dict[str, tuple[str, str]] = {  # of each: a sentence, and more of `--help-all`
     "demo": ("run the scene slit with little and with much noise, and explain the results", ""),
@@ -42,6 +46,7 @@ COMMANDS: dict[str, tuple[str, str]] = {  # of each: a sentence, and more of `--
     "estimate": ("estimate value, control and class shares at a state", METHODS_TEXT),
     "sweep": ("run many seeds, methods and noise levels: a table, a dataset", METHODS_TEXT),
     "report": ("summarise a sweep: intervals, comparisons on equal seeds, pictures", ""),
+    "ros": ("plan for a robot of a ROS 2 graph, without an installation of ROS, until Ctrl-C (extra `ros`)", ROS),
     "warm": ("compile kernels ahead, so that the first command of a robot does not have to", ""),
     "export": ("turn a recording into a table (Parquet, NumPy) or messages of ROS 2 (MCAP)", f"{TABLE}\n{explained()}"),
     "import": ("turn a Gazebo world, a ROS map or bag, a mesh, voxels or DynaBARN's motions into a scene", ""),
@@ -94,6 +99,7 @@ def extras_of(arguments: argparse.Namespace) -> list[str]:
     given = [(option, getattr(arguments, option.dest)) for option in options_of(arguments.command)]
     endings = [value.suffix.lower() for _, value in given if isinstance(value, Path)]
     files = [BY_ENDING[ending] for ending in endings if ending in BY_ENDING]
+    files += ["ros"] if arguments.command == "ros" else []
     return [option.extra for option, value in given if option.extra and value is not None] + files
 
 
@@ -118,10 +124,10 @@ def parser(*, everything: bool = False) -> argparse.ArgumentParser:
         takes_scene = name in DRIVES
         notes = [robots_text(), PRESETS_TEXT, ORDER] if takes_scene else []
         notes += [more] if everything or not takes_scene else [f"More options: pirrht {name} --help-all"]
-        scene = "SCENE ..." if name == "sweep" else "SCENE"
+        scene = {"sweep": "SCENE ... ", "ros": ""}.get(name, "SCENE ")
         one = commands.add_parser(
             name, help=text, add_help=False, allow_abbrev=False,
-            usage=f"pirrht {name} {scene} [options]" if takes_scene else None,
+            usage=f"pirrht {name} {scene}[options]" if takes_scene else None,
             description=text, epilog="\n\n".join(filter(None, notes)) or None,
             formatter_class=Formatter,
         )  # fmt: skip

@@ -136,7 +136,7 @@ def _by_clock(
 
     works = {"plant": drive, "planner": partial(planner.work, first)}
     threads = [Thread(target=guarded, args=(work,), name=name, daemon=True) for name, work in works.items()]
-    with _undisturbed():
+    with undisturbed():
         planner.origin = clock.now()
         for thread in threads:
             thread.start()
@@ -282,7 +282,7 @@ class Planner:
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
+def undisturbed() -> Iterator[None]:
     """Avoid long pauses: collect only new garbage, between plans; let threads take turns quickly."""
     before = sys.getswitchinterval()
     collecting = gc.isenabled()

@@ -93,8 +93,8 @@ def _chosen(path: Path, connections: Sequence[Any], topics: Sequence[str]) -> di
             raise OptionError(f"{path}: several topics have {what}: {listed(names, 20)}; choose one with --topic")
         chosen[what] = [one for one in mine if one.topic in names]
     if not any(chosen.values()):
-        types = ", ".join(one for several in KINDS.values() for one in several)
-        raise SceneError(f"{path}: no topic has one of the types {types}; its topics are {listed(held, 20) or 'none'}")
+        wanted = ", ".join(one for several in KINDS.values() for one in several)
+        raise SceneError(f"{path}: no topic has one of the types {wanted}; its topics are {listed(held, 20) or 'none'}")
     return chosen
 
 
@@ -302,7 +302,7 @@ def _size(size: Any, what: str) -> Array:
     found = np.array([size.x, size.y, size.z], dtype=float)
     if not np.all((found > 0.0) & (found <= FARTHEST)):
         raise SceneError(f"{what} is {found.tolist()}; it must be positive and finite")
-    return np.maximum(found, 2.0 * FINEST)
+    return np.asarray(np.maximum(found, 2.0 * FINEST))
 
 
 def _frame(message: Any) -> str:

@@ -1,6 +1,6 @@
 """Occupancy grids of ROS and scenes of each other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -49,6 +49,19 @@ class Grid:
             raise OptionError(f"the map is refused: it is turned by {yaw:.3g} rad, and must lie along its frame")
         chance = np.array(message.data, np.int8).reshape(info.height, info.width)
         return cls(walls=(chance < 0) | (chance >= OCCUPIED), lower=np.array([x, y]), cell=float(info.resolution))
+
+    def same_cells(self, other: "Grid") -> bool:
+        """Whether another map has its cells in the same places."""
+        same = self.cell == other.cell and self.walls.shape == other.walls.shape
+        return same and np.array_equal(self.lower, other.lower)
+
+    def moved(self, pose: Array) -> "Grid":
+        """Return it in a frame where its own is at a pose (3,); OptionError: it is turned there."""
+        if not pose.any():
+            return self
+        if abs(pose[2]) > TURNED:
+            raise OptionError(f"the map is refused: its frame is turned by {pose[2]:.3g} rad; name it with --map-frame")
+        return replace(self, lower=self.lower + pose[:2])
 
 
 def grid_of(scene: Scene, cell: float, header: Header) -> OccupancyGrid:

@@ -27,6 +27,7 @@ from sim.files import replaced
 from sim.recording.export import Recording, Row, Shown
 from sim.recording.writer import AHEAD, PIECES
 from sim.ros import messages as ros
+from sim.ros.drawn import path_of
 from sim.ros.messages import ColorRGBA, Header, Marker, MarkerArray, Point, Pose, Quaternion, Time, Twist, Vector3
 
 MAP, ODOM, BASE = "map", "odom", "base_link"
@@ -184,19 +185,7 @@ def _plans(recording: Recording, shown: Shown) -> Iterator[Sent]:
         yield row.time, "/pirrht/classes", _array(row.time, markers)
         if strips:
             best = np.array(strips[int(np.argmax(radii))], dtype=float)
-            best[:, 2] *= not level
-            yield row.time, "/plan", _path(row.time, best)
-
-
-def _path(time: float, points: Array) -> ros.Path:
-    """Return a path through points (k, 3) [m] that looks ahead."""
-    way = np.diff(points[:, :2], axis=0)
-    yaws = np.arctan2(way[:, 1], way[:, 0])
-    yaws = np.append(yaws, yaws[-1:] if len(yaws) else 0.0)
-    turns = np.column_stack([np.zeros((len(yaws), 2)), np.sin(0.5 * yaws), np.cos(0.5 * yaws)])
-    header = _header(time, MAP)
-    poses = [ros.PoseStamped(header, _pose(np.append(at, turn))) for at, turn in zip(points, turns, strict=True)]
-    return ros.Path(header, poses)
+            yield row.time, "/plan", path_of(best[:, :2] if level else best, _header(row.time, MAP))
 
 
 def _samples(shown: Shown) -> Iterator[Sent]:

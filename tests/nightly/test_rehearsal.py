@@ -19,12 +19,12 @@ def asked(code, args, plain=linking.Code._found_or_made):  # for code that this 
     late.append(f"{code.py_func.__module__}.{code.py_func.__name__}")
     return plain(code, args)
 
-def begun(plain=episode._undisturbed):
+def begun(plain=episode.undisturbed):
     late.clear()
     return plain()
 
 linking.Code._found_or_made = asked
-episode._undisturbed = begun
+episode.undisturbed = begun
 scene, robot = sys.argv[2:]
 if scene == "many":  # paths by which classes go on there come in another layout: to compile for it took nine periods
     given = {"samples": 60, "period": 0.1, "max_time": 3.0, "real_time": True, "predict": "velocity"}

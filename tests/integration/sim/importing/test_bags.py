@@ -5,15 +5,15 @@ import pytest
 
 pytest.importorskip("rosbags")
 
-from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
-from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
-from sdf_samples import refused  # noqa: E402
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from sdf_samples import refused
 
-from sim import cli  # noqa: E402
-from sim.importing.ros_bag import read_bag  # noqa: E402
-from sim.importing.scene_file import import_world  # noqa: E402
-from sim.mjcf import load  # noqa: E402
+from sim import cli
+from sim.importing.ros_bag import read_bag
+from sim.importing.scene_file import import_world
+from sim.mjcf import load
 
 FOREIGN = {
     "costmap_converter_msgs/msg/ObstacleMsg": "std_msgs/Header header\ngeometry_msgs/Polygon polygon\nfloat64 radius\n"

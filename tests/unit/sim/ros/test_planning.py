@@ -1,0 +1,57 @@
+"""Laws as commands, and what a planner makes of maps, goals and scans."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pirrht.errors import OptionError
+from pirrht.systems.double_integrator import DoubleIntegrator
+from pirrht.systems.rover import Rover
+from pirrht.systems.second_order_car import SecondOrderCar
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.systems.unicycle import Unicycle
+from sim.ros.planning import SOON, Law, Pose
+
+PLACE = np.array([1.0, 2.0, 0.6])
+VELOCITY = np.array([0.5, 0.1, 0.3])
+
+
+def commanded(dynamics, u, place=PLACE):
+    scenario = SimpleNamespace(
+        problem=SimpleNamespace(dynamics=dynamics), system=SimpleNamespace(states=dynamics.states)
+    )
+    plan = SimpleNamespace(at=lambda x, s: np.array(u))
+    return Law(plan, scenario, 0.0, 0.0, 0.0).twist(Pose(place, VELOCITY, 0.0, 0.0), 0.1)
+
+
+def test_speed_and_turn_rate_of_a_rover_or_a_unicycle_are_commanded_as_they_are():
+    assert commanded(Rover(), (-0.4, 0.7)) == pytest.approx((-0.4, 0.0, 0.7), abs=1e-6)
+    assert commanded(Unicycle(V=0.8, rho=0.5), (0.3,)) == pytest.approx((0.8, 0.0, 0.6), abs=1e-6)
+
+
+def test_the_velocity_of_a_point_is_turned_into_the_frame_of_the_body():
+    ahead, left, turn = commanded(SingleIntegrator(), (0.3, 0.4))
+    assert (ahead * np.cos(0.6) - left * np.sin(0.6), ahead * np.sin(0.6) + left * np.cos(0.6)) == pytest.approx(
+        (0.3, 0.4)
+    )
+    assert turn == 0.0
+
+
+def test_accelerations_are_commanded_as_the_velocity_that_is_reached_soon():
+    c, s = np.cos(0.6), np.sin(0.6)
+    own = np.array([0.5 * c - 0.1 * s, 0.5 * s + 0.1 * c])
+    ahead, left, _ = commanded(DoubleIntegrator(), (1.0, -2.0))
+    world = np.array([c * ahead - s * left, s * ahead + c * left])
+    np.testing.assert_allclose(world, own + SOON * np.array([1.0, -2.0]), atol=1e-9)
+
+    car = SecondOrderCar()
+    rates = car.rate(np.append(PLACE, 0.5), np.array([0.2, 0.6]), np.zeros(2), SOON)
+    assert commanded(car, (0.2, 0.6)) == pytest.approx((0.5 + SOON * rates[1], 0.0, rates[0]), rel=1e-6)
+
+
+def test_states_are_read_by_their_names_and_unknown_ones_are_refused():
+    pose = Pose(PLACE, VELOCITY, 0.0, 0.0)
+    assert pose.state(("x", "y", "heading", "speed")).tolist() == [1.0, 2.0, 0.6, 0.5]
+    with pytest.raises(OptionError, match="odometry does not tell the states charge"):
+        pose.state(("x", "charge"))
