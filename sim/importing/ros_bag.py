@@ -26,6 +26,7 @@ from sim.importing.solids import LOWEST, Solid, World, distinct, text, transform
 from sim.mjcf.library import FARTHEST, FINEST, MOST_PIXELS, listed, prefixed, refused
 
 SUFFIXES = extras.BAGS
+INSIDE = "metadata.yaml"  # of a folder that is a bag
 OCCUPIED = 65  # from which chance on a cell is a wall [per cent]
 RADIUS = 0.25  # of a goal at the end of a path [m]
 MOVED, TURNED = 0.05, 0.1  # from which on an obstacle has moved [m], [rad]

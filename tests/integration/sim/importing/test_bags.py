@@ -226,6 +226,8 @@ def test_broken_files_cost_one_line(tmp_path, refused_line, name):
     broken = tmp_path / name
     if name == "folder":
         broken.mkdir()
+        refused_line(broken, "is a folder")
+        (broken / "metadata.yaml").write_text("nothing")
         refused_line(broken, "no whole bag of ROS")
         return
     rng = np.random.default_rng(0)
