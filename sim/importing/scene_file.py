@@ -82,7 +82,8 @@ def import_world(
         SceneError: something cannot be taken over, start, goal or workspace are missing or do not fit, or the target
             cannot be written. It is then as it was.
     """
-    kind = "motions" if motion else "bag" if (source / ros_bag.INSIDE).is_file() else _KINDS.get(source.suffix.lower(), "world")
+    kind = "motions" if motion else _KINDS.get(source.suffix.lower(), "world")
+    kind = "bag" if (source / ros_bag.INSIDE).is_file() else kind
     what = "the JSON file of a set of motions" if kind == "motions" else "an SDF world file or the YAML file of a map"
     dimension = 3 if kind == "grid" or (kind in ("mesh", "world") and len(goal or ()) == 4) else 2
     remedy = {"grid": "cut out a part, or join voxels"}.get(kind, "remove what is no obstacle")
