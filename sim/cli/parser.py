@@ -100,7 +100,7 @@ def extras_of(arguments: argparse.Namespace) -> list[str]:
     endings = [value.suffix.lower() for _, value in given if isinstance(value, Path)]
     files = [BY_ENDING[ending] for ending in endings if ending in BY_ENDING]
     files += ["ros"] if arguments.command == "ros" else []
-    return [option.extra for option, value in given if option.extra and value is not None] + files
+    return [option.extra for option, value in given if option.extra and value not in (None, False)] + files
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:

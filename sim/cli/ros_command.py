@@ -1,7 +1,6 @@
 """Command `pirrht ros`: a planner as a node of a ROS 2 graph."""
 
 import argparse
-import os
 from typing import Any
 
 import numpy as np
@@ -9,24 +8,12 @@ import numpy as np
 from pirrht.errors import OptionError
 from sim import options
 from sim.cli.plan_command import notice
-from sim.ros.graph import Graph
+from sim.ros.graph import OPTIONS, Graph
 from sim.ros.node import Node, NodeOptions
 from sim.ros.planning import Work
 from sim.text import counted, say
 
-MOST_DOMAIN = 232
 NODE = ("map_frame", "base_frame", "pose_from", "stamped", "late", "map_late", "max_speed", "max_turn")
-
-
-def graph_of(arguments: argparse.Namespace) -> Graph:
-    """Join the graph that a command line names; OptionError: there is none."""
-    domain = arguments.domain
-    if domain is None:
-        text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-        if not (text.isdigit() and int(text) <= MOST_DOMAIN):
-            raise OptionError(f"ROS_DOMAIN_ID is {text[:40]!r}; it must be a number from 0 to {MOST_DOMAIN}")
-        domain = int(text)
-    return Graph(domain, arguments.interface, arguments.peer or (), arguments.namespace or "")
 
 
 def ros(arguments: argparse.Namespace) -> int:
@@ -38,7 +25,7 @@ def ros(arguments: argparse.Namespace) -> int:
     known: Any = {name: getattr(arguments, name) for name in NODE}
     work = Work(given, arguments.goal_radius, None if workspace is None else np.array(workspace), say)
     notice()
-    graph = graph_of(arguments)
+    graph = Graph.of(**{name: getattr(arguments, name) for name in OPTIONS})
     node = Node(graph, work, NodeOptions(**known), lambda line: print(line, flush=True))
     try:
         node.run(lambda: arguments.once and node.arrived > 0)

@@ -24,10 +24,12 @@ from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
 from sim.scenario.first_seen import first_seen
+from sim.settings import SETTINGS, Settings
 from sim.text import say
 
 HEADLESS = "use --headless, with --script FILE for what is done and --serve to watch in a browser"
 WATCH = "watch it in a browser of this machine: {}"
+DRIVEN = {"noise", "speed", "rho", "seed", "period", "sense", "lidar", "cell", "max_time"}  # settings of --ros
 POLL = 0.05  # between two queries whether something has been moved once a run has ended [s]
 Observer = Callable[[Frame], object]
 
@@ -37,27 +39,38 @@ def run(arguments: argparse.Namespace) -> int:
     from sim.recording.viewer import Look
 
     sinks = _sinks(arguments)
+    wiring = _wiring(arguments) if arguments.ros else None
     scenario = scenario_of(arguments)
     drawn = {name: getattr(arguments, f"record_{name}") for name in ("hz", "samples", "lift")}
     (look := Look(truth=arguments.truth, **drawn)).check(scenario.space)
     film = _film(arguments, scenario)
     recorder = None
     seen, _ = first_seen(scenario)
-    driver, references, truth = _prepared(scenario, seen, exact=arguments.truth)
+    remote = None if wiring is None else wiring(scenario)
+    own: dict[str, Any] = {} if remote is None else {"method": "ros"}
+    if remote is None:
+        driver, references, truth = _prepared(scenario, seen, exact=arguments.truth)
+    else:
+        driver, references, truth = remote, list[Reference](), None
     observers: list[Observer] = [] if film is None else [lambda frame: film.add(frame, driver.path_integral)]
     with ExitStack() as stack:
         if sinks:
-            recorder = stack.enter_context(_recorder(scenario, driver, sinks, look=look, grid=truth))
+            recorder = stack.enter_context(_recorder(scenario, driver, sinks, own, look=look, grid=truth))
             observers.append(recorder.log)
             if recorder.server is not None:
                 print(WATCH.format(recorder.server.page), flush=True)
         bar = stack.enter_context(Progress("run", scenario.settings.max_time, "s"))
         observers.append(partial(_show, bar, scenario.settings.risk))
-        last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
+        if remote is not None:
+            stack.callback(remote.plant.finish)
+        plant = scenario.plant() if remote is None else remote.plant
+        last = _driven(scenario.drive(plant, driver, grid=truth), observers)
     assert last is not None
-    result = last.metrics.json()
+    result = last.metrics.json() | own
     collision = scenario.collisions(last.metrics.first_plan)
     tables.summary(last.metrics, scenario)
+    if remote is not None:
+        say(remote.summary())
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -73,6 +86,28 @@ def run(arguments: argparse.Namespace) -> int:
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
     return 0 if last.outcome is Outcome.GOAL else 1
+
+
+def _wiring(arguments: argparse.Namespace) -> Callable[[Any], Any]:
+    """Check options of a run over the wire, and set aside the lidar's; return what joins a graph with a scenario."""
+    from sim.ros.graph import OPTIONS, Graph
+    from sim.ros.robot import Remote, Wiring
+    from sim.sensing.lidar import Lidar
+
+    unused = [one.flag for one in SETTINGS if one.dest not in DRIVEN and getattr(arguments, one.dest, None)]
+    if unused or arguments.truth:
+        flag = (*unused, "--truth")[0]
+        raise OptionError(f"with --ros others drive, and {flag} has no effect; leave it out")
+    lidar = Lidar.of(arguments.lidar or "")
+    frames = {f"{one}_frame": getattr(arguments, f"{one}_frame") for one in ("map", "odom", "base")}
+    cell = arguments.cell or Settings().cell
+    wiring = Wiring(
+        hz=arguments.odom_hz, timeout=arguments.command_timeout, wait=arguments.wait, stamped=arguments.stamped,
+        cell=None if arguments.sense == "lidar" else cell, **frames,
+    )  # fmt: skip
+    graph = Graph.of(**{name: getattr(arguments, name) for name in OPTIONS})
+    arguments.lidar = arguments.sense = arguments.cell = None  # a run's own are those of plans
+    return lambda scenario: Remote(scenario, graph, lidar=lidar, wiring=wiring, say=tqdm.write)
 
 
 def _prepared(scenario: Any, seen: Any, *, exact: bool) -> tuple[Any, list[Reference], Any]:
@@ -145,10 +180,10 @@ def _sinks(arguments: argparse.Namespace) -> Any:
     return sinks
 
 
-def _recorder(scenario: Any, driver: Any, sinks: Any, **more: Any) -> Any:
+def _recorder(scenario: Any, driver: Any, sinks: Any, own: dict[str, Any] | None = None, **more: Any) -> Any:
     from sim.recording.recorder import Recorder
 
-    settings = settings_json(scenario)
+    settings = settings_json(scenario) | (own or {})
     return Recorder(scenario.loaded, driver.tree, driver.path_integral, sinks, settings=settings, **more)
 
 

@@ -293,8 +293,8 @@ class Executor(Plant):
     def reset(self, state: Array, time: float = 0.0) -> None:
         """Start from the first n entries of `state` at a time [s]; wheels roll as they do without control."""
         super().reset(state, time)
-        dynamics = self._problem.dynamics
-        twist = dynamics.twist(self._state, dynamics.idle(self._state))
+        still = np.zeros(self._problem.dynamics.m)
+        twist = self._made(self._state, still, still)
         mujoco.mj_resetDataKeyframe(self._model, self.data, 0)
         self._joints.place(self.data, self._state, twist, self._command.dot(twist))
         if self._mocap is not None:
@@ -317,13 +317,12 @@ class Executor(Plant):
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, cut after its position stage, so that the contacts are those of the new state."""
-        twist = self._problem.dynamics.twist
         fly = self._joints.fly
-        made = twist(x, self._rate(x, u, dw))
+        made = self._made(x, u, dw)
         if fly is None:
             self.data.ctrl[:] = self._command.dot(made)
         else:
-            fly(self.data, twist(x, self._rate(x, u, np.zeros(len(dw)))), made)
+            fly(self.data, self._made(x, u, np.zeros(len(dw))), made)
         mujoco.mj_step2(self._model, self.data)
         if self._mocap is not None:
             self._mocap.place(self.data, self.time)
@@ -334,6 +333,10 @@ class Executor(Plant):
         if self.senses is not None:
             self.senses.sense(self.data, self._states.poses(x), self.time)
         return x
+
+    def _made(self, x: Array, u: Array, dw: Array) -> Array:
+        """Return the twist of the robot at x (n,) for a control (m,) and noise (m,) of a physics step."""
+        return self._problem.dynamics.twist(x, self._rate(x, u, dw))
 
     def _touching(self, before: Array, x: Array) -> bool:
         if self._contacts(self.data):

@@ -5,9 +5,11 @@ is named. What is published on a topic whose type or quality of service others d
 says so to nobody: `Graph.troubles` does.
 """
 
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Generic
 from xml.sax.saxutils import quoteattr
 
@@ -29,6 +31,8 @@ DEEP = 100  # messages of a queue at most
 BLOCKED = 0.1  # for which a reliable publisher waits for a full queue [s]
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 ALL = -1
+MOST_DOMAIN = 232
+OPTIONS = ("domain", "interface", "peer", "namespace", "remap", "qos")  # of a command line, for `Graph.of`
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,32 +140,53 @@ class Graph:
         interface: name or address of the network interface; None: loopback.
         peers: addresses where nodes are looked for as well.
         namespace: put before names of topics that do not begin with a slash.
+        remap: other names of topics, by name.
+        qualities: other qualities of service, by name of the topic.
 
     Raises:
-        OptionError: there is no such interface, or the namespace is no name.
+        OptionError: there is no such interface, or a name is none.
     """
 
     def __init__(
-        self, domain: int = 0, interface: str | None = None, peers: Sequence[str] = (), namespace: str = ""
+        self, domain: int = 0, interface: str | None = None, peers: Sequence[str] = (), namespace: str = "",
+        remap: Mapping[str, str] | None = None, qualities: Mapping[str, Quality] | None = None,
     ) -> None:  # fmt: skip
         self.namespace = checked_name(namespace, "the namespace") if namespace.strip("/") else ""
+        self._remap = dict[str, str]()
+        self._remap = {self.full(name): self.full(other) for name, other in (remap or {}).items()}
+        self._qualities = {self.full(name): quality for name, quality in (qualities or {}).items()}
         try:
-            self._domain = Domain(domain, configuration(interface, peers))
+            self._domain = joined(domain, configuration(interface, peers))
             self._participant = DomainParticipant(domain)
         except DDSException:
             raise OptionError(f"no DDS on the interface {interface or LOOPBACK}; name one that is up") from None
         self._waits = WaitSet(self._participant)
         self._ends = list[Publisher[Any] | Subscription[Any]]()
 
+    @classmethod
+    def of(
+        cls, *, domain: int | None = None, interface: str | None = None, peer: Sequence[str] | None = None,
+        namespace: str | None = None, remap: Iterable[str] | None = None, qos: Iterable[str] | None = None,
+    ) -> "Graph":  # fmt: skip
+        """Join a graph by what a command line says: the options in `OPTIONS`; OptionError: one of them cannot be."""
+        known = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+        if domain is None and not (known.isdigit() and int(known) <= MOST_DOMAIN):
+            raise OptionError(f"ROS_DOMAIN_ID is {known[:40]!r}; it must be a number from 0 to {MOST_DOMAIN}")
+        qualities = {name: Quality.of(text) for name, text in pairs(qos, "=", "--qos scan=reliable,10").items()}
+        names = pairs(remap, ":=", "--remap scan:=front/scan")
+        return cls(int(known) if domain is None else domain, interface, peer or (), namespace or "", names, qualities)
+
     def full(self, name: str) -> str:
-        """Return a topic's whole name; OptionError: it is none."""
+        """Return a topic's whole name, remapped; OptionError: it is none."""
         checked_name(name, "the topic")
-        return name if name.startswith("/") else f"/{self.namespace}/{name}".replace("//", "/")
+        whole = name if name.startswith("/") else f"/{self.namespace}/{name}".replace("//", "/")
+        return self._remap.get(whole, whole)
 
     def publisher(self, name: str, kind: type[Message], quality: Quality = RELIABLE) -> Publisher[Message]:
         """Publish a topic, with a slash in front or in the namespace."""
         full = self.full(name)
         topic = Topic(self._participant, f"rt{full}", kind)
+        quality = self._qualities.get(full, quality)
         made = Publisher[Message](full, DataWriter(self._participant, topic, quality.policies(writer=True, kind=kind)))
         self._ends.append(made)
         return made
@@ -170,6 +195,7 @@ class Graph:
         """Subscribe to a topic, with a slash in front or in the namespace."""
         full = self.full(name)
         topic = Topic(self._participant, f"rt{full}", kind)
+        quality = self._qualities.get(full, quality)
         reader = DataReader(self._participant, topic, quality.policies(writer=False, kind=kind))
         made = Subscription(full, reader, kind)
         self._waits.attach(made.news)
@@ -186,6 +212,20 @@ class Graph:
             f"{one.name}: another node's quality of service does not fit, so nothing arrives; choose ours with --qos"
             for one in self._ends if one.refused()
         ]  # fmt: skip
+
+
+@cache
+def joined(domain: int, known: str) -> Domain:
+    """Return a domain by its configuration; a process has each once."""
+    return Domain(domain, known)
+
+
+def pairs(words: Iterable[str] | None, sign: str, example: str) -> dict[str, str]:
+    """Return what stands before and after a sign in each word; OptionError, with an example: there is no sign."""
+    for word in words or ():
+        if sign not in word:
+            raise OptionError(f"{word[:60]!r} has no {sign}; write it as in {example}")
+    return {name: other for name, _, other in (word.partition(sign) for word in words or ())}
 
 
 def checked_name(name: str, what: str) -> str:
