@@ -14,7 +14,9 @@ EXTRAS = {
     "decompose": ("coacd",),
     "ros": ("cyclonedds", "mcap", "rosbags"),
 }
-MAPS = (".yaml", ".yml")  # endings of files that the extra `maps` reads
+MAPS = (".yaml", ".yml")
+BAGS = (".mcap", ".bag", ".db3")
+BY_ENDING = {**dict.fromkeys(MAPS, "maps"), **dict.fromkeys(BAGS, "ros")}  # extras that read or write such files
 
 
 def require(what: str, *extras: str) -> None:

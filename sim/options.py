@@ -95,9 +95,10 @@ COMMAND_OPTIONS = (
     _file("report", "folder", "made by `pirrht sweep -o DIR`, complete or not", "DIR", positional=True),
     _file("report", "output", "folder of report.md and report.html", "FOLDER", short="o", unset="DIR"),
     _file("export", "recording", "made by `pirrht run --record`, complete or not", "FILE.rrd", positional=True),
-    _output("export", "output", "the table to write, .parquet or .npz", "TABLE", short="o", required=True),
-    _file("import", "world", "a Gazebo world or SDF file, the .yaml of a map, motions (.json), a mesh, or voxels "
-          "(.npy, .npz, .bt)", "WORLD", positional=True),
+    _output("export", "output", "the table to write, .parquet or .npz, or messages, .mcap (extra `ros`)", "FILE",
+            short="o", required=True),
+    _file("import", "world", "a Gazebo world or SDF file, the .yaml of a map, a bag of ROS (folder, .mcap, .db3, "
+          ".bag), motions (.json), a mesh, or voxels (.npy, .npz, .bt)", "WORLD", positional=True),
     _output("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
     _flag("import", "motion", "WORLD is a file of motions (DynaBARN)"),
     _flag("import", "decompose", "WORLD is a mesh (not needed)"),
@@ -109,6 +110,7 @@ COMMAND_OPTIONS = (
     _one("import", "models", "folders of a Gazebo world's models, before GZ_SIM_RESOURCE_PATH, "
          "GAZEBO_MODEL_PATH and those around WORLD", "DIR", kind=Path, count="+"),
     _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
+    _one("import", "topic", "which of several topics of a kind in a bag", "NAME", count="+", attribute="topics"),
     _ros("run", "ros", "let others drive over ROS 2, as a robot of theirs (extra `ros`)", kind=bool, extra="ros"),
     _ros("run", "odom-hz", "how often odometry, /tf and /clock are published", "HZ", kind=float, default=50.0,
          bounds=(1.0, 1000.0)),

@@ -155,12 +155,13 @@ def report(arguments: argparse.Namespace) -> int:
 
 
 def import_world(arguments: argparse.Namespace) -> int:
-    """Turn a Gazebo world, a ROS map or a file of motions into a scene."""
+    """Turn a Gazebo world, a ROS map or bag, or a file of motions into a scene."""
     from sim.importing import scene_file
     from sim.importing.sdf_files import folders_of
 
     words = {name: value for name, value in vars(arguments).items() if name not in ("command", "world", "output")}
     words |= {"models": [*(arguments.models or ()), *folders_of(os.environ)], "without": arguments.without or ()}
+    words["topics"] = arguments.topics or ()
     imported = scene_file.import_world(arguments.world, arguments.output, **words)
     moving = f", and {counted(imported.movers, 'moving obstacle')}" if imported.movers else ""
     print(f"{path_text(imported.path)}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
@@ -170,13 +171,20 @@ def import_world(arguments: argparse.Namespace) -> int:
 
 
 def export(arguments: argparse.Namespace) -> int:
-    """Turn a recording into a table."""
+    """Turn a recording into a table, or into messages of ROS 2."""
     from sim.recording import export as engine
 
     engine.check_format(arguments.output)
     known = engine.read(arguments.recording)
-    engine.write(arguments.output, columns := engine.table(known), known)
-    print(f"{path_text(arguments.output)}: {len(known.steps)} control steps, {len(columns)} columns")
+    if arguments.output.suffix == engine.MCAP:
+        from sim.ros import mcap
+
+        counts = mcap.write(arguments.output, known, engine.shown(arguments.recording))
+        what = f"{counted(sum(counts.values()), 'message')} on {counted(len(counts), 'topic')}"
+    else:
+        engine.write(arguments.output, columns := engine.table(known), known)
+        what = f"{len(columns)} columns"
+    print(f"{path_text(arguments.output)}: {len(known.steps)} control steps, {what}")
     if not known.whole:
         end = f"ends at {known.steps[-1][1]:.2f} s without an outcome"
         print(f"{path_text(arguments.recording)} {end}; all that it holds is exported")

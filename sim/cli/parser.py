@@ -11,7 +11,7 @@ import pirrht
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.drive.result import explained as figures
-from sim.extras import MAPS
+from sim.extras import BY_ENDING
 from sim.files import check_writable
 from sim.options import DAILY, options_of
 from sim.recording.columns import explained
@@ -48,8 +48,8 @@ COMMANDS: dict[str, tuple[str, str]] = {  # of each: a sentence, and more of `--
     "report": ("summarise a sweep: intervals, comparisons on equal seeds, pictures", ""),
     "ros": ("plan for a robot of a ROS 2 graph, without an installation of ROS, until Ctrl-C (extra `ros`)", ROS),
     "warm": ("compile kernels ahead, so that the first command of a robot does not have to", ""),
-    "export": ("turn a recording into a table: Parquet or NumPy", f"{TABLE}\n{explained()}"),
-    "import": ("turn a Gazebo world, a ROS map, a mesh, voxels or DynaBARN's motions into a scene", ""),
+    "export": ("turn a recording into a table (Parquet, NumPy) or messages of ROS 2 (MCAP)", f"{TABLE}\n{explained()}"),
+    "import": ("turn a Gazebo world, a ROS map or bag, a mesh, voxels or DynaBARN's motions into a scene", ""),
 }
 
 
@@ -97,9 +97,10 @@ def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
 def extras_of(arguments: argparse.Namespace) -> list[str]:
     """Return the extras of the package that a command needs with its options."""
     given = [(option, getattr(arguments, option.dest)) for option in options_of(arguments.command)]
-    ros = ["ros"] if arguments.command == "ros" else []
-    maps = ["maps" for _, value in given if isinstance(value, Path) and value.suffix.lower() in MAPS]
-    return [option.extra for option, value in given if option.extra and value not in (None, False)] + maps + ros
+    endings = [value.suffix.lower() for _, value in given if isinstance(value, Path)]
+    files = [BY_ENDING[ending] for ending in endings if ending in BY_ENDING]
+    files += ["ros"] if arguments.command == "ros" else []
+    return [option.extra for option, value in given if option.extra and value not in (None, False)] + files
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:

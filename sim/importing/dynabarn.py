@@ -130,12 +130,17 @@ def rows(keys: Array) -> Array:
     times = np.append((keys[:-1, :1] + shares * np.diff(keys[:, :1], axis=0)).ravel(), keys[-1, 0])
     path = np.column_stack([times, place(keys, times)])
     path[::FINE] = keys
+    return thinned(path, DEVIATION - SPARE)
+
+
+def thinned(path: Array, deviation: float) -> Array:
+    """Keep few of rows (k, 1 + c) of times and places, with straight lines between that leave it by so little."""
     kept = [0]
 
     def close(end: int) -> bool:
         piece = path[kept[-1] : end + 1] - path[kept[-1]]
         off = piece[:, 1:] - piece[:, :1] / piece[-1, 0] * piece[-1, 1:]
-        return end < len(path) and bool(np.hypot(*off.T).max() <= DEVIATION - SPARE)
+        return end < len(path) and bool(np.linalg.norm(off, axis=1).max() <= deviation)
 
     while kept[-1] < len(path) - 1:
         good, step = kept[-1] + 1, 1

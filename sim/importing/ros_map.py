@@ -44,9 +44,7 @@ def read_map(path: Path, unknown: str = "occupied") -> World:
 
     Its own border is the ground's, if it is not turned.
     """
-    if unknown not in UNKNOWN:
-        like = suggestion(unknown, UNKNOWN)
-        raise OptionError(f"--unknown is {unknown!r}{like}; it must be one of {', '.join(UNKNOWN)}")
+    check_unknown(unknown)
     known = _values(path)
     notes = list[str]()
 
@@ -80,8 +78,25 @@ def read_map(path: Path, unknown: str = "occupied") -> World:
     if between:
         notes.append(f"{between} cells of a chance between free_thresh and occupied_thresh count as unknown")
     blocked = np.flipud(~free if unknown == "occupied" else occupied)  # lowest row first
-    side = known["resolution"]
-    x, y, yaw = np.nan_to_num(known["origin"])
+    solids, border = walls_of(blocked, known["resolution"], np.nan_to_num(known["origin"]))
+    said = tuple(f"{path}: {note}" for note in notes)
+    return World(kind="map", solids=solids, ground=border, notes=said)
+
+
+def check_unknown(unknown: str) -> None:
+    """Refuse a rule for unknown cells that there is not, by an OptionError."""
+    if unknown not in UNKNOWN:
+        like = suggestion(unknown, UNKNOWN)
+        raise OptionError(f"--unknown is {unknown!r}{like}; it must be one of {', '.join(UNKNOWN)}")
+
+
+def walls_of(blocked: Cells, side: float, origin: Array) -> tuple[tuple[Solid, ...], Array | None]:
+    """Return walls where cells of a side [m] are blocked, the lowest row first, and their border if it is not turned.
+
+    Args:
+        origin: x, y [m] and yaw [rad] of the lower left corner, (3,).
+    """
+    x, y, yaw = origin
     frame = transform(np.array([x, y, HEIGHT / 2, 0.0, 0.0, yaw]))
     solids = []
 
@@ -91,9 +106,7 @@ def read_map(path: Path, unknown: str = "occupied") -> World:
         pose[:, 3] = frame @ ((c0 + c1) / 2, (r0 + r1) / 2, 0.0, 1.0)
         solids.append(Solid(f"wall {number}", "box", np.array([c1 - c0, r1 - r0, HEIGHT]) / 2, pose))
     high, wide = side * np.array(blocked.shape)
-    border = np.array([x, x + wide, y, y + high]) if yaw == 0.0 else None
-    said = tuple(f"{path}: {note}" for note in notes)
-    return World(kind="map", solids=tuple(solids), ground=border, notes=said)
+    return tuple(solids), np.array([x, x + wide, y, y + high]) if yaw == 0.0 else None
 
 
 def _values(path: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Gazebo worlds, ROS maps, meshes and motions as scenes: they become MJCF files by the conventions of `sim.mjcf`.
+"""Gazebo worlds, ROS maps and bags, meshes and motions as scenes: MJCF files by the conventions of `sim.mjcf`.
 
 Neither a world nor a map says anything of a task, so start and goal are the caller's; the workspace is, too, unless
 the ground plane has a size that is meant, or the map is not turned. The new file is loaded before it takes its place,
@@ -19,7 +19,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.fitting import fitted
-from sim.importing import dynabarn, meshes, ros_map, voxels
+from sim.importing import dynabarn, meshes, ros_bag, ros_map, voxels
 from sim.importing.sdf import read_sdf
 from sim.importing.solids import World, distinct, raised_floor, text
 from sim.mjcf import load, models_folder
@@ -35,7 +35,8 @@ _OPTIONS = {
 }
 IN_SPACE = {"robot": "ball", "noise": "0.35", "vertices": "2000", "classes": "16", "phi": "1000", "max_time": "60"}
 _SUFFIXES = {
-    "motions": dynabarn.SUFFIXES, "map": ros_map.SUFFIXES, "mesh": meshes.SUFFIXES, "grid": voxels.SUFFIXES
+    "motions": dynabarn.SUFFIXES, "map": ros_map.SUFFIXES, "bag": ros_bag.SUFFIXES, "mesh": meshes.SUFFIXES,
+    "grid": voxels.SUFFIXES,
 }  # fmt: skip
 _KINDS = {suffix: kind for kind, suffixes in _SUFFIXES.items() for suffix in suffixes}  # all others are worlds
 _MATERIALS = {"box": "crate", "mesh": "crate", "cylinder": "drum", "capsule": "log"}  # others are boulders
@@ -56,15 +57,15 @@ def import_world(
     source: Path, target: Path, *, start: Sequence[float] | None = None, goal: Sequence[float] | None = None,
     workspace: Sequence[float] | None = None, unknown: str | None = None, motion: bool = False,
     number: str | None = None, decompose: bool = False, cell: float | None = None, models: Sequence[Path] = (),
-    without: Sequence[str] = (),
+    without: Sequence[str] = (), topics: Sequence[str] = (),
 ) -> Imported:  # fmt: skip
     """Write the obstacles of an SDF world as a scene for the unicycle, of a ROS map for the rover.
 
     A mesh or world is a scene in space, for the ball, if the goal has four numbers, and a grid of voxels always is.
 
     Args:
-        source: an SDF file with one world or with models, the YAML file of a map, a mesh, a grid of voxels, or a file
-            of motions.
+        source: an SDF file with one world or with models, the YAML file of a map, a mesh, a grid of voxels, a bag of
+            ROS, or a file of motions.
         target: the MJCF file to write; replaced in one go if it exists.
         start: x, y [m] and optionally the heading [rad]; in space x, y, z.
         goal: x, y, radius [m]; in space x, y, z, radius.
@@ -75,23 +76,27 @@ def import_world(
         cell: side of a voxel [m], where the file of a grid does not have it.
         models: folders where models and meshes of an SDF world are searched for, before those around the file.
         without: names of models of an SDF world to leave out, like the robot.
+        topics: choose among several of a kind in a bag.
 
     Raises:
         SceneError: something cannot be taken over, start, goal or workspace are missing or do not fit, or the target
             cannot be written. It is then as it was.
     """
     kind = "motions" if motion else _KINDS.get(source.suffix.lower(), "world")
+    kind = "bag" if (source / ros_bag.INSIDE).is_file() else kind
     what = "the JSON file of a set of motions" if kind == "motions" else "an SDF world file or the YAML file of a map"
     dimension = 3 if kind == "grid" or (kind in ("mesh", "world") and len(goal or ()) == 4) else 2
     remedy = {"grid": "cut out a part, or join voxels"}.get(kind, "remove what is no obstacle")
-    content = content_of(source, what, remedy)
+    content = b"" if kind == "bag" else content_of(source, what, remedy)
     _check_target(source, target)
-    _check_options(source, kind, decompose=decompose, without=without, unknown=unknown, number=number, cell=cell)
+    _check_options(source, kind, decompose=decompose, without=without, unknown=unknown, number=number, cell=cell,
+                   topics=topics)  # fmt: skip
     if kind == "world":
         _check_world(source, content)
     read: dict[str, Callable[[], World]] = {
         "motions": lambda: dynabarn.read(source, number),
         "map": lambda: ros_map.read_map(source, unknown or "occupied"),
+        "bag": lambda: ros_bag.read_bag(source, topics, unknown or "occupied"),
         "mesh": lambda: meshes.read_mesh(source, dimension),
         "grid": lambda: voxels.read_voxels(source, cell),
         "world": lambda: read_sdf(source, models, without),
@@ -100,24 +105,25 @@ def import_world(
     scene = _scene_text(source, target.stem, world, (start, goal, workspace), dimension)
     obstacles, movers = _write(scene, source, target, world, (start or world.start, goal or world.goal))
     turns = f"{target}: the scene is for the {ROVER}, which turns on the spot; --robot takes another robot"
-    notes = (*world.notes, *([turns] if kind in ("map", "mesh") and dimension == 2 else []))
+    notes = (*world.notes, *([turns] if kind in ("map", "bag", "mesh") and dimension == 2 else []))
     geoms = len(world.solids) + len(world.bodies)
     return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)
 
 
 def _check_options(
     source: Path, kind: str, *, decompose: bool, without: Sequence[str], unknown: str | None, number: str | None,
-    cell: float | None,
+    cell: float | None, topics: Sequence[str],
 ) -> None:  # fmt: skip
     """Refuse options of other kinds of files."""
     for given, of, words in (
         (decompose, "mesh", f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
         (without, "world", f"{source}: only models of a Gazebo world can be left out by name"),
-        (unknown, "map", f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
+        (unknown, "map bag", f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}, and bags; leave it out"),
+        (topics, "bag", f"--topic is for bags of ROS, {', '.join(ros_bag.SUFFIXES)} or a folder; leave it out"),
         (number, "motions", "--world is for files of motions (--motion); leave it out"),
         (cell is not None, "grid", f"--cell is for grids of voxels, {', '.join(voxels.SUFFIXES)}; leave it out"),
     ):
-        if given and kind != of:
+        if given and kind not in of.split():
             raise OptionError(words)
 
 

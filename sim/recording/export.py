@@ -26,11 +26,23 @@ from sim.recording.columns import CLASSES, COLUMNS, Column
 from sim.states import ADAPTERS
 
 STEPS, TIMING, SETTINGS = "/steps", "/timing/plan", "/__properties/run"
-FORMATS = (".parquet", ".npz")
+MCAP = ".mcap"  # of messages of ROS 2, which `sim.ros.mcap` writes
+FORMATS = (".parquet", ".npz", MCAP)
 MISSING = {float: nan, int: 0, str: ""}
 
 Cells = dict[str, list[Any]]  # values by the name of their component
 Table = dict[str, Array]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """What an entity looks like from a time on."""
+
+    time: float  # simulated [s]; 0 of what holds at all times
+    cells: dict[str, Any]  # by component: numbers (k, ...), or lists of these, of texts or of mappings
+
+
+Shown = dict[str, list[Row]]  # by the path of the entity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,7 +80,7 @@ def read(file: Path) -> Recording:
     written: dict[int, tuple[float, Cells]] = {}
     early: dict[int, tuple[float, Cells]] = {}
     plan_ms: dict[int, float] = {}
-    for chunk in _chunks(file):
+    for chunk in _chunks(file, (STEPS, TIMING, SETTINGS)):
         for row in chunk.to_record_batch().to_pylist():
             cells = {name: value for name, value in row.items() if isinstance(value, list)}
             if chunk.entity_path == SETTINGS:
@@ -89,8 +101,38 @@ def read(file: Path) -> Recording:
     return Recording(settings=settings, steps=[(step, *steps[step]) for step in sorted(steps)], plan_ms=plan_ms)
 
 
-def _chunks(file: Path) -> list[Any]:
-    """The chunks of a recording; of one that breaks off in the middle of a chunk, those before."""
+def shown(file: Path) -> Shown:
+    """Read what a recording shows in space, entity by entity; an OptionError as of `read`."""
+    found: Shown = {}
+    for chunk in _chunks(file, ("/world", "/map")):
+        batch = chunk.to_record_batch()
+        names = batch.schema.names
+        times = [time.total_seconds() for time in batch["sim_time"].to_pylist()] if "sim_time" in names else [0.0]
+        for k, time in enumerate(times):
+            cells = {name: batch[name][k] for name in names if ":" in name}
+            cells = {name: _plain(cell.values) for name, cell in cells.items() if cell.is_valid}
+            found.setdefault(chunk.entity_path, []).append(Row(time, cells))
+    return found
+
+
+def _plain(values: Any) -> Any:
+    """Values of a table of Arrow as an array, as a list of arrays, or one of texts or mappings."""
+    import pyarrow as pa
+
+    kind = values.type
+    if pa.types.is_fixed_size_list(kind):
+        return values.flatten().to_numpy(zero_copy_only=False).reshape(-1, kind.list_size)
+    if pa.types.is_list(kind):
+        return [_plain(one.values) for one in values]
+    return values.to_numpy(zero_copy_only=False) if pa.types.is_primitive(kind) else values.to_pylist()
+
+
+def _chunks(file: Path, paths: tuple[str, ...]) -> list[Any]:
+    """The chunks of entities of a recording, of a file that breaks off in the middle of a chunk those before.
+
+    Args:
+        paths: with which those of the entities begin.
+    """
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")  # a recording that breaks off has no footer
         repaired = Path(folder) / "repaired.rrd"
@@ -99,7 +141,7 @@ def _chunks(file: Path) -> list[Any]:
                 reader = RrdReader(str(one))
                 if len(reader.recordings()) > 1:
                     raise OptionError(f"{file}: holds more than one recording; take them apart with `rerun rrd split`")
-                return [chunk for chunk in reader.stream() if chunk.entity_path in (STEPS, TIMING, SETTINGS)]
+                return [chunk for chunk in reader.stream() if chunk.entity_path.startswith(paths)]
             except (RuntimeError, ValueError):
                 command = [sys.executable, "-P", "-m", "rerun", "rrd", "merge", str(file), "-o", str(repaired)]
                 subprocess.run(command, env={**os.environ, "CI": "1"}, capture_output=True, check=False)

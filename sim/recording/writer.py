@@ -50,6 +50,7 @@ WAIT = 0.15  # how long a step may wait for its batch before it is written ahead
 BATCH_STEPS, BATCH_TIME = 8, 0.36  # rows per chunk at least, and the time they span [s]: a chunk costs 1 to 3 kB
 LINE = 56  # letters of a line of the log, which the viewer does not wrap
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
+PIECES = 5  # in which that is computed
 LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
 BAND = "one standard error"
 BEGIN = [(0, 0.0)]
@@ -190,8 +191,8 @@ class Writer:
     def _ahead(self, x: Array, u: Array) -> Array:
         """Predict without noise where the control takes the robot in a short while, in the robot's frame, (3,)."""
         dynamics, start, still = self._dynamics, x, np.zeros(self._dynamics.m)
-        for _ in range(5):
-            x = dynamics.step(x, u, still, AHEAD / 5)
+        for _ in range(PIECES):
+            x = dynamics.step(x, u, still, AHEAD / PIECES)
         return self._adapter.ahead(start, x)
 
     def _transforms(self, path: str, moments: Moments, poses: Array, more: Iterable[Any] = ()) -> None:

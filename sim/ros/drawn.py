@@ -31,13 +31,13 @@ FAINT = 0.25  # opacity of a sample, and of a class without weight
 
 
 def path_of(points: Array, header: Header) -> Path:
-    """Return a polyline (k, 2) [m] as a path; each pose looks along it."""
+    """Return a polyline (k, 2) or in space (k, 3) [m] as a path; each pose looks along it."""
     spans = np.diff(points[:, :2], axis=0, append=points[-1:, :2])
     yaws = np.arctan2(spans[:, 1], spans[:, 0])
     yaws[-1:] = yaws[-2:-1] if len(yaws) > 1 else 0.0
     return Path(header, [
-        PoseStamped(header, Pose(Point(*point.tolist(), 0.0), quaternion_of(yaw)))
-        for point, yaw in zip(points[:, :2], yaws.tolist(), strict=True)
+        PoseStamped(header, Pose(Point(*point.tolist()), quaternion_of(yaw)))
+        for point, yaw in zip(points, yaws.tolist(), strict=True)
     ])  # fmt: skip
 
 

@@ -314,7 +314,7 @@ class Node:
         plan = law.plan
         if plan.favourite in plan.ids:
             points = plan.references[plan.ids.index(plan.favourite)].trajectory.points
-            self._plans.publish(path_of(points, header))
+            self._plans.publish(path_of(points[:, :2], header))
         if self._classes.heard:
             self._classes.publish(classes_of(plan, self._colors, header))
         if self._samples.heard:
