@@ -111,7 +111,7 @@ class Wire:
     def take(self, now: float) -> None:
         """Take over commands that have come by a time [s] of /clock; one that cannot be driven stops the robot."""
         for message in self._commands.take():
-            twist = message.twist if isinstance(message, TwistStamped) else message
+            twist: Twist = message.twist if isinstance(message, TwistStamped) else message
             command = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
             valid = bool((abs(command) <= FASTEST).all())
             if not valid and not self._refused:
