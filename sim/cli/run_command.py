@@ -39,19 +39,15 @@ def run(arguments: argparse.Namespace) -> int:
     from sim.recording.viewer import Look
 
     sinks = _sinks(arguments)
-    wiring = _wiring(arguments) if arguments.ros else None
+    wiring = _wiring(arguments)
     scenario = scenario_of(arguments)
     drawn = {name: getattr(arguments, f"record_{name}") for name in ("hz", "samples", "lift")}
     (look := Look(truth=arguments.truth, **drawn)).check(scenario.space)
     film = _film(arguments, scenario)
     recorder = None
     seen, _ = first_seen(scenario)
-    remote = None if wiring is None else wiring(scenario)
-    own: dict[str, Any] = {} if remote is None else {"method": "ros"}
-    if remote is None:
-        driver, references, truth = _prepared(scenario, seen, exact=arguments.truth)
-    else:
-        driver, references, truth = remote, list[Reference](), None
+    driver, references, truth = _prepared(scenario, seen, wiring, exact=arguments.truth)
+    own = {"method": "ros"} if arguments.ros else {}
     observers: list[Observer] = [] if film is None else [lambda frame: film.add(frame, driver.path_integral)]
     with ExitStack() as stack:
         if sinks:
@@ -61,16 +57,12 @@ def run(arguments: argparse.Namespace) -> int:
                 print(WATCH.format(recorder.server.page), flush=True)
         bar = stack.enter_context(Progress("run", scenario.settings.max_time, "s"))
         observers.append(partial(_show, bar, scenario.settings.risk))
-        if remote is not None:
-            stack.callback(remote.plant.finish)
-        plant = scenario.plant() if remote is None else remote.plant
+        plant = _plant(scenario, driver, stack, remote=arguments.ros)
         last = _driven(scenario.drive(plant, driver, grid=truth), observers)
     assert last is not None
     result = last.metrics.json() | own
     collision = scenario.collisions(last.metrics.first_plan)
     tables.summary(last.metrics, scenario)
-    if remote is not None:
-        say(remote.summary())
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -88,8 +80,13 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if last.outcome is Outcome.GOAL else 1
 
 
-def _wiring(arguments: argparse.Namespace) -> Callable[[Any], Any]:
-    """Check options of a run over the wire, and set aside the lidar's; return what joins a graph with a scenario."""
+def _wiring(arguments: argparse.Namespace) -> Callable[[Any], Any] | None:
+    """Check options of a run over the wire, and set aside the lidar's; return what joins a graph with a scenario.
+
+    None: the run is none.
+    """
+    if not arguments.ros:
+        return None
     from sim.ros.graph import OPTIONS, Graph
     from sim.ros.robot import Remote, Wiring
     from sim.sensing.lidar import Lidar
@@ -110,11 +107,22 @@ def _wiring(arguments: argparse.Namespace) -> Callable[[Any], Any]:
     return lambda scenario: Remote(scenario, graph, lidar=lidar, wiring=wiring, say=tqdm.write)
 
 
-def _prepared(scenario: Any, seen: Any, *, exact: bool) -> tuple[Any, list[Reference], Any]:
+def _plant(scenario: Any, driver: Any, stack: ExitStack, *, remote: bool) -> Any:
+    """Return what a policy drives; over the wire its own, of which others hear to the end."""
+    if remote:
+        stack.callback(driver.end)
+    return driver.plant if remote else scenario.plant()
+
+
+def _prepared(
+    scenario: Any, seen: Any, wiring: Callable[[Any], Any] | None = None, *, exact: bool
+) -> tuple[Any, list[Reference], Any]:
     """Return the policy of a run, references, and the exact solution if that is wanted; kernels are compiled.
 
-    References are those among what is `seen` at the start, a scenario, too.
+    References are those among what is `seen` at the start, a scenario, too; there are none over the wire.
     """
+    if wiring is not None:
+        return wiring(scenario), [], None
     with Progress("exact value") as bar:
         truth = scenario.truth(bar.to) if exact else None
     tree, references = (None, []) if scenario.settings.method in TREELESS else planned(seen, waits=True)

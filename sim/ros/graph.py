@@ -209,7 +209,7 @@ class Graph:
     def troubles(self) -> list[str]:
         """Return a sentence for each topic on which somebody's quality of service does not fit, since the last call."""
         return [
-            f"{one.name}: another node's quality of service does not fit, so nothing arrives; choose ours with --qos"
+            f"{one.name}: another node's type or quality of service does not fit, so nothing arrives (--qos)"
             for one in self._ends if one.refused()
         ]  # fmt: skip
 

@@ -113,7 +113,7 @@ class Wire:
     def take(self, now: float) -> None:
         """Take over commands that have come by a time [s] of /clock; one that cannot be driven stops the robot."""
         for message in self._commands.take():
-            twist = message.twist if isinstance(message, TwistStamped) else message
+            twist = getattr(message, "twist", message)
             command = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
             valid = bool((abs(command) <= FASTEST).all())
             if not valid and not self._refused:
@@ -308,6 +308,7 @@ class Remote(Policy):
         self.wire = Wire(graph, scenario, lidar or Lidar(), wiring or Wiring(), say)
         self.plant = RemotePlant(scenario, self.wire, np.random.default_rng(s.seed))
         self._held = s.period
+        self._say = say
         self.begin(scenario.start)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
@@ -318,10 +319,11 @@ class Remote(Policy):
             time=self.run.clock.time, space=self.space, dynamics=self.problem.dynamics, movers=self.run.route.movers,
         )  # fmt: skip
 
-    def summary(self) -> str:
-        """Return a line on how the run went over the wire."""
+    def end(self) -> None:
+        """Publish where the robot is, and say how the run went over the wire."""
+        self.plant.finish()
         late = 1e3 * np.percentile(self.plant.late or [0.0], [50, 99, 100])
-        return (
+        self._say(
             f"ROS 2: {self.wire.taken} commands; physics steps late by {late[0]:.2g} ms, p99 {late[1]:.2g}, max "
             f"{late[2]:.2g}; the clock stood still for {self.plant.lost:.2f} s"
         )

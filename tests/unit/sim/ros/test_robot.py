@@ -89,9 +89,14 @@ def test_a_puck_goes_as_far_as_commands_say_then_stands(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("robot", "command"),
-    [("puck", (0.2, 0.3, 0.0)), ("hover", (0.2, 0.3, 0.0)), ("diffdrive", (0.0, 0.0, 0.8)), ("car", (0.3, 0.0, 0.5)),
-     ("rover", (-0.3, 0.0, 0.5))],
-)  # fmt: skip
+    [
+        ("puck", (0.2, 0.3, 0.0)),
+        ("diffdrive", (0.0, 0.0, 0.8)),
+        pytest.param("hover", (0.2, 0.3, 0.0), marks=pytest.mark.slow),
+        pytest.param("car", (0.3, 0.0, 0.5), marks=pytest.mark.slow),
+        pytest.param("rover", (-0.3, 0.0, 0.5), marks=pytest.mark.slow),
+    ],
+)
 def test_every_robot_on_the_ground_takes_speeds(tmp_path: Path, robot: str, command: tuple[float, ...]) -> None:
     link = Link(tmp_path, robot)
     link.drive(*command, periods=7)
@@ -152,7 +157,7 @@ def test_a_run_that_nobody_drives_ends(capsys: pytest.CaptureFixture[str]) -> No
 @pytest.mark.parametrize(("words", "part"), [
     (("slit", "--samples", "50"), "--samples has no effect"), (("slit", "--truth"), "--truth has no effect"),
     (("slit", "--remap", "scan"), "has no :="), (("slit", "--qos", "scan=best"), "has no 'best'"),
-    (("gate",), "takes no commands"),
+    pytest.param(("gate",), "takes no commands", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_options_that_others_drive_without_are_refused(
     words: tuple[str, ...], part: str, capsys: pytest.CaptureFixture[str]
