@@ -87,7 +87,8 @@ class ReferenceQuery(NamedTuple):
             path = self._path(x, edges, row)
             again = self._resumed(x, known[winding], winding) if winding in known else None
             if again is not None and again.cost.sum() <= path.cost.sum() * (1.0 + TUNING.resumed_excess):
-                return True, [again]
+                # One that costs more than before leads back to a corner that the robot has passed.
+                return steering.timed or again.cost.sum() <= known[winding].cost.sum(), [again]
             return False, self._optima(x, edges, rows[rows["key"] == row["key"]]) if several else [path]
 
         found = mapped(of_class, classes, self.threads)

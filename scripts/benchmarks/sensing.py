@@ -1,12 +1,14 @@
 """Maps that grow: the time of an update, and whether classes keep their identity, in random rooms driven with lidar.
 
 A room of a side has posts and walls in random places, wide enough apart for a Jackal, which drives through it without
-a map. The favourite class of a plan changes for a reason if the way of the last favourite is shut in the map of now, or
-if there is a cheaper one. It is renamed without a reason if the way stays and the name does not; it wavers if the way
-changes and the map does not say why. With --known the same rooms are driven with the map given.
+a map. The map explains a change of a plan's favourite class if the same plan without the last scan keeps the favourite:
+a switch. If it does not, the favourite wavers. It is renamed if its way stays and the name does not. With --known the
+same rooms are driven with the map given, where every change wavers.
 """
 
 import argparse
+from collections.abc import Iterator
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,8 +24,9 @@ SIDES, ROOM, ROOMS = (5.0, 10.0, 20.0, 40.0), 10.0, 30  # of rooms whose updates
 GAP = 0.9  # between what stands [m]
 PER_AREA = 0.25  # things that stand per square metre
 SAME = 0.4  # a way is the same if it stays within so much of the last one [m]
-HIGHER = 1.02  # times the least cost, from which on a cost is higher
+SPACING = 0.1  # of points on a way [m]
 SETTINGS = {"speed": 1.4, "margin": 0.03, "max_time": 60.0, "vertices": 400}
+KINDS = ("switch", "renamed", "wavers")  # of changes of the favourite, in rooms of the usual size
 HEADER = [
     *("room", "runs", "goal", "time [s]", "obstacles", "switches", "renamed", "wavers"),
     *("map [ms]", "99 %", "plan [ms]"),
@@ -74,7 +77,12 @@ class Run(NamedTuple):
 def way(frame: Any) -> Array | None:
     """Return the favourite's way in a plan, (k, 2) [m]; None: it has none."""
     found = dict(zip(frame.plan.ids, frame.plan.references, strict=True)).get(frame.plan.favourite)
-    return None if found is None else np.vstack(found.trajectory.path.points(0.1))[:, :2]
+    if found is None:
+        return None
+    corners = found.trajectory.points
+    passed = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
+    places = np.linspace(0.0, passed[-1], 2 + int(passed[-1] / SPACING))
+    return np.column_stack([np.interp(places, passed, axis) for axis in corners.T[:2]])
 
 
 def apart(one: Array, other: Array) -> float:
@@ -88,40 +96,51 @@ def named(plan: Any, count: int) -> tuple[int, ...]:
     return (*turns, *(0 for _ in range(count - len(turns))))
 
 
-def judged(last: Any, now: Any) -> str:
-    """Judge a change of the favourite from one frame to the next: "" for none, "switch", "renamed", "wavers"."""
+def changed(last: Any, now: Any) -> str:
+    """Judge the favourites of two frames: "" if it is the same, "renamed" if only its name is not, else "changed"."""
     before, after = way(last), way(now)
     if before is None or after is None or "other" in (last.plan.favourite, now.plan.favourite):
         return ""
     count = max(len(named(last.plan, 0)), len(named(now.plan, 0)))
     if named(last.plan, count) == named(now.plan, count):
         return ""
-    if apart(after, before) <= SAME:
-        return "renamed"
-    costs = {id: one.cost for id, one in zip(now.plan.ids, now.plan.references, strict=True)}
-    old = costs.get(last.plan.favourite, np.inf)
-    ahead = before[np.hypot(*(before - now.plan.state[:2]).T).argmin() :]
-    shut = len(ahead) > 1 and not now.plan.space.segments_free(ahead)
-    return "switch" if shut or old > HIGHER * min(costs.values()) else "wavers"
+    return "renamed" if apart(after, before) <= SAME else "changed"
+
+
+def driven(run: Run, blind: int | None = None) -> Iterator[tuple[Any, Any]]:
+    """Drive; yield the driver and each frame. The plan of number `blind` goes without the scans before it."""
+    scenario = run.scenario()
+    driver = scenario.driver(scenario.grown_tree())
+    for number, frame in enumerate(scenario.drive(scenario.plant(), driver), start=1):
+        yield driver, frame
+        if blind is not None:
+            driver.see = (lambda scan: None) if number == blind else type(driver).see.__get__(driver)
+
+
+def explained(run: Run, number: int, last: Any) -> str:
+    """Judge a change after a last frame by the plan of the same number without its scans: "switch" or "wavers"."""
+    if run.known:
+        return "wavers"
+    _, frame = next(islice(driven(run, number), number, None))
+    return "wavers" if changed(last, frame) else "switch"
 
 
 def figures(run: Run) -> dict[str, Any]:
     """Drive once."""
     try:
-        scenario = run.scenario()
-        driver = scenario.driver(scenario.grown_tree())
         updates = list[float]()
         changes = list[str]()
         last = None
-        for frame in scenario.drive(scenario.plant(), driver):
+        for number, (driver, frame) in enumerate(driven(run)):
             updates.append(0.0 if run.known else 1e3 * driver.believed.seconds)
-            changes.append("" if last is None else judged(last, frame))
+            kind = "" if last is None or run.side != ROOM else changed(last, frame)
+            changes.append(explained(run, number, last) if kind == "changed" else kind)
             last = frame
     except (NoReference, SceneError) as error:
         return {**run._asdict(), "outcome": f"no path: {error}"}
     assert last is not None
     m = last.metrics
-    counts = {kind: changes.count(kind) for kind in ("switch", "renamed", "wavers")}
+    counts = {kind: changes.count(kind) for kind in KINDS}
     return {
         **run._asdict(), "outcome": m.outcome, "time": m.time, "obstacles": len(last.plan.space.scene.obstacles),
         "map_ms": updates, "plan_ms": [1e3 * s for s in m.plan_seconds], **counts,
@@ -137,7 +156,7 @@ def row(name: str, found: list[dict[str, Any]]) -> list[str]:
     return [
         name, str(len(found)), str(len(arrived)), f"{np.mean(arrived or [np.nan]):.1f}",
         f"{np.mean([one['obstacles'] for one in done] or [np.nan]):.0f}",
-        *(str(sum(one[kind] for one in done)) for kind in ("switch", "renamed", "wavers")),
+        *(str(sum(one[kind] for one in done)) if found[0]["side"] == ROOM else "-" for kind in KINDS),
         f"{np.median(maps):.0f}", f"{np.percentile(maps, 99):.0f}", f"{np.median(plans):.0f}",
     ]  # fmt: skip
 

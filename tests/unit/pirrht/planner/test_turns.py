@@ -113,3 +113,17 @@ def test_a_start_next_to_a_wall_that_forbids_turns_is_left_straight_ahead_or_beh
     problem = task(boxes, start, (5, 4, 0.3), shape)
     space = FreeSpace.of(problem.scene)
     assert grown(space, TurnAndGo.of(problem), 150, seed=seed).references(space.scene.start)
+
+
+def test_a_path_that_leads_back_to_a_corner_that_the_robot_has_passed_is_shortened_anew():
+    problem = task([(1.6, 1.0, 2.4, 2.9)], (0.8, 3.2, 0.0), (5.0, 2.2, 0.3), Footprint.rectangle(0.5, 0.4))
+    space = FreeSpace.of(problem.scene)
+    steering = TurnAndGo.of(problem)
+    tree = grown(space, steering, 30)
+    corners = np.array([[0.8, 3.2, 0.0], [0.9, 3.4, 0.0], [2.2, 3.4, 0.0], [5.0, 2.2, 0.0]])
+    before = tree.checker.until_goal(steering.connect(corners[:-1], corners[1:]))
+    x = np.array([1.2, 2.5, 0.0])
+    fresh = tree.references(x)
+    again = tree.references(x, before={one.winding: before for one in fresh})
+    assert again[0].winding == fresh[0].winding
+    assert again[0].cost < 1.01 * fresh[0].cost
