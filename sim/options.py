@@ -111,7 +111,7 @@ COMMAND_OPTIONS = (
          "GAZEBO_MODEL_PATH and those around WORLD", "DIR", kind=Path, count="+"),
     _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
     _one("import", "topic", "which of several topics of a kind in a bag", "NAME", count="+", attribute="topics"),
-    _ros("run", "ros", "let others drive over ROS 2, as a robot of theirs (extra `ros`)", kind=bool, extra="ros"),
+    _flag("run", "ros", "be a robot of a ROS 2 graph (extra `ros`)", group=RUN, extra="ros"),
     _ros("run", "odom-hz", "how often odometry, /tf and /clock are published", "HZ", kind=float, default=50.0,
          bounds=(1.0, 1000.0)),
     _ros("run", "command-timeout", "time without a command after which the robot stops", "S", kind=float, default=0.5,

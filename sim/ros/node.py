@@ -23,7 +23,7 @@ from sim.ros.drawn import classes_of, path_of, samples_of
 from sim.ros.frames import Frames, composed, planar
 from sim.ros.graph import LATCHED, RELIABLE, SENSOR, Graph, Quality, Subscription
 from sim.ros.grids import Grid
-from sim.ros.planning import Pose, Task, Work
+from sim.ros.planning import Law, Pose, Task, Work
 
 TICK = 0.02  # between two looks at what is late [s]
 STILL = 1.0  # for which a robot that shall stand is commanded to [s]
@@ -31,6 +31,7 @@ SHOWN = 0.2  # between two drawings of a plan [s]
 SAID = 1.0  # between two diagnostics without news [s]
 FRAMES = Quality(depth=100)
 OK, WARNING, ERROR = 0, 1, 2
+FINE = ("driving", "no goal", "arrived", "planning")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,25 +248,36 @@ class Node:
 
     def _standing(self, now: float) -> str | None:
         """Return why the robot stands; None: it drives."""
-        o = self.options
         law = self.work.law
-        for wrong, why in (
-            (bool(self._wrong), "; ".join(self._wrong.values())),
-            (self._pose is None, self._missing(self._odometry) if o.pose_from == "odom" else "no transforms on /tf"),
-            (self._pose is not None and now - self._pose.came > o.late, "odometry is late"),
-            (self._map is not None and self._grid is None, self._map and self._missing(self._map)),
-            (self.work.sees and now - self._scan_came > o.late,
-             self._scans and ("scans are late" if self._scan_came > -inf else self._missing(self._scans))),
-            (bool(o.map_late) and not self.work.sees and now - self._map_came > o.map_late, "the map is late"),
-            (self._goal is None, "arrived" if self._arrived_at is not None else "no goal"),
-            (bool(self.work.trouble), self.work.trouble),
-            (law is None, "planning"),
-            (law is not None and now - law.made > o.late + self.work.period, "plans are late"),
-            (law is not None and law.blocked, "blocked: no way is free"),
-        ):  # fmt: skip
-            if wrong:
-                return str(why)
-        return None
+        late = self.options.late + self.work.period
+        if lacking := self._lacking(now):
+            return lacking
+        if self._goal is None:
+            return "arrived" if self._arrived_at is not None else "no goal"
+        if self.work.trouble:
+            return self.work.trouble
+        if law is None:
+            return "planning"
+        if now - law.made > late:
+            return "plans are late"
+        return "blocked: no way is free" if law.blocked else None
+
+    def _lacking(self, now: float) -> str:
+        """Return what is wrong, missing or late of what comes in; empty if nothing is."""
+        o = self.options
+        if self._wrong:
+            return "; ".join(self._wrong.values())
+        if self._pose is None:
+            return self._missing(self._odometry) if o.pose_from == "odom" else "no transforms on /tf"
+        if now - self._pose.came > o.late:
+            return "odometry is late"
+        if self._map is not None and self._grid is None:
+            return self._missing(self._map)
+        if self._map is not None and o.map_late and now - self._map_came > o.map_late:
+            return "the map is late"
+        if self._scans is not None and now - self._scan_came > o.late:
+            return "scans are late" if self._scan_came > -inf else self._missing(self._scans)
+        return ""
 
     def _missing(self, source: Subscription[ros.Message]) -> str:
         heard = "somebody publishes, and nothing has come yet" if source.offered else "nobody publishes"
@@ -297,19 +309,22 @@ class Node:
             self.say(status)
         if news or now - self._reported > SAID:
             self._reported = now
-            for trouble in self.graph.troubles():
-                self.say(trouble)
-            fine = why is None or why in ("no goal", "arrived", "planning")
-            level = OK if fine else ERROR if self._wrong or self.work.trouble else WARNING
-            values = [ros.KeyValue(key, value) for key, value in ({} if law is None else law.figures()).items()]
-            name = "pirrht: planner"
-            self._diagnostics.publish(
-                ros.DiagnosticArray(self._header(""), [ros.DiagnosticStatus(level, name, status, "", values)])
-            )
-        if law is None or law.drawn or now - self._drawn < SHOWN:
-            return
-        law.drawn = True
-        self._drawn = now
+            self._diagnose(status, law)
+        if law is not None and not law.drawn and now - self._drawn >= SHOWN:
+            law.drawn = True
+            self._drawn = now
+            self._draw(law)
+
+    def _diagnose(self, status: str, law: Law | None) -> None:
+        for trouble in self.graph.troubles():
+            self.say(trouble)
+        level = OK if status in FINE else ERROR if self._wrong or self.work.trouble else WARNING
+        values = [ros.KeyValue(key, value) for key, value in ({} if law is None else law.figures()).items()]
+        found = ros.DiagnosticStatus(level, "pirrht: planner", status, "", values)
+        self._diagnostics.publish(ros.DiagnosticArray(self._header(""), [found]))
+
+    def _draw(self, law: Law) -> None:
+        """Publish the favourite's path, and what somebody looks at."""
         header = self._header(self.options.map_frame)
         plan = law.plan
         if plan.favourite in plan.ids:
