@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
-extras=sim,test,figures,gym,maps
+extras=sim,test,figures,gym,maps,ros
 words=()
 if [ "${1:-}" = --full ]; then
     shift
