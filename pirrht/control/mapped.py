@@ -9,12 +9,13 @@ import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 from typing import Any, Protocol, cast
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.control.baselines import Mppi
 from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.controller import Controller
@@ -140,11 +141,15 @@ class Mapped(Policy):
             self._adopt(self._pending)
         if self._pending is None and self.map.version != self._version:
             self._version = self.map.version
-            scene = self.map.scene(self._bare)
+            work = partial(self._examined, self.map.occupied)
             if pool is None:
-                self._adopt(immediately(lambda: self.controller.renewed(scene, self._vertices or None)))
+                self._adopt(immediately(work))
             else:
-                self._pending = pool.submit(self.controller.renewed, scene, self._vertices or None)
+                self._pending = pool.submit(work)
+
+    def _examined(self, occupied: BoolArray) -> Renewed | None:
+        """Examine a map by its occupied cells (rows, columns)."""
+        return self.controller.renewed(self.map.scene(self._bare, occupied), self._vertices or None)
 
     def _avoid(self) -> None:
         """Predict moving obstacles; without a `Controller` they are walls."""

@@ -119,9 +119,13 @@ class OccupancyMap:
         self.version += bool(np.any(inside & (part > 0.0)))
         part[inside] = np.minimum(part[inside], self.tuning.least)
 
-    def scene(self, base: Scene) -> Scene:
-        """Return a scene in the plane in which boxes over just the occupied cells are the static obstacles."""
-        return replace(base, obstacles=cells(self.occupied, self.cell, self.lower, height_of_walls(base.robot_height)))
+    def scene(self, base: Scene, occupied: BoolArray | None = None) -> Scene:
+        """Return a scene in the plane in which boxes over just the occupied cells are the static obstacles.
+
+        `occupied`: cells (rows, columns) that were at some time; None: those that are now.
+        """
+        occupied = self.occupied if occupied is None else occupied
+        return replace(base, obstacles=cells(occupied, self.cell, self.lower, height_of_walls(base.robot_height)))
 
     def unseen_length(self, points: Array) -> float:
         """Return the length [m] that a polyline through points (k, 2) [m] has in unknown cells and off the map."""
