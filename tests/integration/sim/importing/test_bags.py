@@ -15,6 +15,8 @@ from sim.importing.ros_bag import read_bag
 from sim.importing.scene_file import import_world
 from sim.mjcf import load
 
+pytestmark = pytest.mark.slow
+
 FOREIGN = {
     "costmap_converter_msgs/msg/ObstacleMsg": "std_msgs/Header header\ngeometry_msgs/Polygon polygon\nfloat64 radius\n"
     "int64 id\ngeometry_msgs/Quaternion orientation\ngeometry_msgs/TwistWithCovariance velocities\n",

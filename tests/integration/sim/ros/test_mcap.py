@@ -16,6 +16,8 @@ from sim.cli import main  # noqa: E402
 from sim.recording import export  # noqa: E402
 from sim.ros import mcap  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 TOPICS = {"/tf", "/tf_static", "/odom", "/cmd_vel", "/diagnostics", "/plan", "/pirrht/classes", "/pirrht/samples",
           "/pirrht/scene"}  # fmt: skip
 

@@ -30,6 +30,8 @@ from sim.scenario import prepare
 from sim.sensing.lidar import Lidar
 from tests.helpers.plants import WALL, scene_file
 
+pytestmark = pytest.mark.slow
+
 DOMAIN = 100 + os.getpid() % 100
 PERIOD = 0.1
 
