@@ -54,6 +54,7 @@ def test_after_a_pause_of_two_seconds_the_planner_drives_on(started):
     node = started("ros", *ROBOT, "--once")
     robot = started("run", "house", "--ros", *ROBOT)
     until(node, "driving")
+    time.sleep(1.0)
     robot.send_signal(signal.SIGSTOP)
     time.sleep(2.0)
     assert "odometry is late" in node.said()
