@@ -23,7 +23,7 @@ DOUBLINGS = 16  # of --samples under --target-error, without --budget
 DAILY = {  # options that `--help` of a command with a scene lists
     "scene", "scenes", "robot", "footprint", "start", "goal", "noise", "seed", "method", "risk", "preset", "samples",
     "vertices", "real-time", "sense", "output", "png", "at", "repeat", "truth", "record", "video", "view", "headless",
-    "script", "methods", "seeds", "jobs", "json", "ros",
+    "script", "methods", "seeds", "jobs", "json",
 }  # fmt: skip
 *_, RUN, GRID, RECORDING, FILES, ROS = GROUPS
 PLANE = ADAPTERS[0]

@@ -31,7 +31,8 @@ PLAYED = (
 )
 ROS = (
     "in: map (latched) or, with --sense lidar, scan; odom, /tf, /tf_static, goal_pose; pirrht/cancel ends it\n"
-    "out: cmd_vel, plan, pirrht/classes, pirrht/samples, /diagnostics"
+    "out: cmd_vel, plan, pirrht/classes, pirrht/samples, /diagnostics\n"
+    "a simulated robot for it: pirrht run house --robot diffdrive --ros"
 )
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"
 COMMANDS: dict[str, tuple[str, str]] = {  # of each: a sentence, and more of `--help-all`

@@ -24,10 +24,10 @@ from sim.importing import ros_map
 from sim.importing.dynabarn import HALF_HEIGHT, thinned
 from sim.importing.solids import LOWEST, Solid, World, distinct, text, transform
 from sim.mjcf.library import FARTHEST, FINEST, MOST_PIXELS, listed, prefixed, refused
+from sim.states.planar_joints import heading_of
 
 SUFFIXES = extras.BAGS
 INSIDE = "metadata.yaml"  # of a folder that is a bag
-OCCUPIED = 65  # from which chance on a cell is a wall [per cent]
 RADIUS = 0.25  # of a goal at the end of a path [m]
 MOVED, TURNED = 0.05, 0.1  # from which on an obstacle has moved [m], [rad]
 DEVIATION = 0.01  # of straight lines between rows from a track, at most [m]
@@ -141,8 +141,8 @@ class _Bag:
                 raise SceneError(f"the map on {topic} is refused: {why}")
         pose = self._pose(info.origin, f"the origin of the map on {topic}")
         chance = np.asarray(message.data, np.int8).reshape(info.height, info.width)
-        blocked = (chance >= OCCUPIED) | ((chance < 0) & (self._unknown == "occupied"))
-        origin = np.array([*pose[:2], _yaw(pose[3:])])
+        blocked = (chance >= ros_map.OCCUPIED) | ((chance < 0) & (self._unknown == "occupied"))
+        origin = np.array([*pose[:2], _heading(pose)])
         self._walls, self._ground = ros_map.walls_of(blocked, side, origin)
         self._mapped = True
         self._frame = _frame(message)
@@ -153,7 +153,7 @@ class _Bag:
             if len(message.poses) < 2 or not self._fits(_frame(message), f"the path on {topic}"):
                 continue
             first, last = (self._pose(message.poses[k].pose, f"pose {k} of the path on {topic}") for k in (0, -1))
-            heading = _yaw(first[3:])
+            heading = _heading(first)
             self._ends = (*first[:2].tolist(), heading), (*last[:2].tolist(), RADIUS)
             self._points += [first[:2], last[:2]]
             begin, end = (text(*(round(number, 3) for number in one)) for one in self._ends)
@@ -191,7 +191,7 @@ class _Bag:
         solids, custom, bodies = [*self._walls], [], []
         labels = distinct((" ".join(name.split()) for name in self._tracks), {"floor", "world"})
         for label, track in zip(labels, self._tracks.values(), strict=True):
-            rows = np.array([[time - self._first, *pose[:2], _yaw(pose[3:])] for time, pose in track.poses.items()])
+            rows = np.array([[time - self._first, *pose[:2], _heading(pose)] for time, pose in track.poses.items()])
             rows = rows[np.argsort(rows[:, 0])]
             rows[:, 3] = np.unwrap(rows[:, 3])
             self._points += [*rows[:, 1:3]]
@@ -310,10 +310,9 @@ def _frame(message: Any) -> str:
     return str(message.header.frame_id).lstrip("/")
 
 
-def _yaw(turn: Array) -> float:
-    """Return the turn of a quaternion about the vertical [rad]."""
-    x, y, z, w = turn
-    return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+def _heading(pose: Array) -> float:
+    """Return the turn of a pose (7,), w last, about the vertical [rad]."""
+    return heading_of(np.roll(pose[3:], 1))
 
 
 READERS: dict[str, Callable[[Any, Pose], Iterator[Seen]]] = {

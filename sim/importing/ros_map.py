@@ -29,6 +29,7 @@ from sim.text import suggestion
 UNKNOWN = ("occupied", "free")
 MODES = ("trinary", "scale", "raw")
 DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0, "trinary": 1}
+OCCUPIED = 65  # from which chance on a cell of a published map is a wall [per cent]
 UNSEEN = 205  # grey that map_saver writes for an unknown cell
 HEIGHT = 0.5  # of the walls [m]
 FINEST, COARSEST = 1e-4, 100.0  # side of a cell [m]

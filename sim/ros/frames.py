@@ -1,13 +1,14 @@
 """Poses of frames in each other, as /tf tells them, in the plane."""
 
 from dataclasses import dataclass
-from math import atan2, cos, sin
+from math import cos, sin
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from sim.ros.messages import Pose, Quaternion, TFMessage, Transform
+from sim.states.planar_joints import heading_of
 
 UNIT = 0.1  # by which the norm of a rotation may be off
 
@@ -21,7 +22,7 @@ def yaw_of(rotation: Quaternion) -> float:
     x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
     if not abs(np.sqrt(x * x + y * y + z * z + w * w) - 1.0) < UNIT:
         raise OptionError(f"the quaternion {x:g}, {y:g}, {z:g}, {w:g} is no rotation; its norm must be 1")
-    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return heading_of([w, x, y, z])
 
 
 def quaternion_of(yaw: float) -> Quaternion:

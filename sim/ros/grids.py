@@ -10,11 +10,11 @@ from pirrht.errors import OptionError
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.scene import Scene, Workspace
+from sim.importing.ros_map import OCCUPIED
+from sim.mjcf.library import MOST_PIXELS
 from sim.ros.frames import planar, quaternion_of
 from sim.ros.messages import Header, MapMetaData, OccupancyGrid, Point, Pose
 
-OCCUPIED = 65  # from which chance on a cell is a wall, as nav2_map_server has it [per cent]
-MOST_CELLS = 25_000_000
 TURNED = 1e-3  # of a map, which is no longer along the axes of its frame [rad]
 
 
@@ -37,7 +37,7 @@ class Grid:
         info = message.info
         count = info.width * info.height
         for wrong, why in (
-            (count > MOST_CELLS, f"it has {info.width} x {info.height} cells, and at most {MOST_CELLS:,} are taken"),
+            (count > MOST_PIXELS, f"it has {info.width} x {info.height} cells, and at most {MOST_PIXELS:,} are taken"),
             (count < 1 or count != len(message.data),
              f"it has {len(message.data)} cells, and says {info.width} x {info.height}"),
             (not 0.0 < info.resolution < inf, f"the side of a cell is {info.resolution:g} m"),

@@ -96,7 +96,7 @@ def sent(recording: Recording, shown: Shown) -> Iterator[Sent]:
 
 
 def _poses(shown: Shown) -> Iterator[Sent]:
-    """Yield poses of the robot and of what moves, and the robot's velocities."""
+    """Yield poses of the robot and of moving obstacles, and the robot's velocities."""
     robot = _track(shown["/world/robot"])
     moving = {path: _track(rows) for path, rows in shown.items() if path.startswith(MOVERS)}
     moving = {path: track for path, track in moving.items() if track}

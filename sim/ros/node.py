@@ -7,7 +7,7 @@ own (`sim.ros.planning`). Whatever is missing, late or wrong stops the robot, an
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import hypot, inf
+from math import hypot, inf, remainder, tau
 from typing import Any
 
 import numpy as np
@@ -168,14 +168,18 @@ class Node:
         except PirrhtError as error:
             self._wrong[topic] = f"{topic}: {error}"
 
+    def _in_map(self, header: ros.Header, nameless: str = "") -> Array:
+        """Return the pose (3,) of a header's frame in that of the map; one without a name is `nameless` or the map."""
+        return self._frames.pose(self.options.map_frame, header.frame_id or nameless or self.options.map_frame)[0]
+
     def _take_map(self, message: ros.OccupancyGrid) -> None:
         self._grid = None
         grid = Grid.of(message)
-        at, _ = self._frames.pose(self.options.map_frame, message.header.frame_id or self.options.map_frame)
+        at = self._in_map(message.header)
         self._grid = grid.moved(at)
 
     def _take_goal(self, message: ros.PoseStamped) -> None:
-        at, _ = self._frames.pose(self.options.map_frame, message.header.frame_id or self.options.map_frame)
+        at = self._in_map(message.header)
         place = composed(at, planar(message.pose, "the goal"))
         goal = np.append(place[:2], self.work.radius)
         if self._arrived_at is not None and np.array_equal(goal, self._arrived_at):
@@ -191,7 +195,7 @@ class Node:
         velocity = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
         if not np.isfinite(velocity).all():
             raise OptionError(f"a velocity of the odometry is {velocity.tolist()}; it must be finite numbers")
-        at, _ = self._frames.pose(self.options.map_frame, message.header.frame_id or self.options.map_frame)
+        at = self._in_map(message.header)
         self._move(composed(at, pose), velocity, message.header.stamp.seconds, now)
 
     def _take_base(self, now: float) -> None:
@@ -200,9 +204,9 @@ class Node:
         if last is not None and came <= last.came:
             return
         velocity = np.zeros(3)
-        if last is not None and came > last.came:
+        if last is not None:
             moved = composed(np.array([0.0, 0.0, -last.place[2]]), np.append(place[:2] - last.place[:2], 0.0))
-            turned = np.angle(np.exp(1j * (place[2] - last.place[2])))
+            turned = remainder(place[2] - last.place[2], tau)
             velocity = np.append(moved[:2], turned) / (came - last.came)
         self._move(place, velocity, came, came if np.isfinite(came) else now)
 
@@ -211,7 +215,7 @@ class Node:
         last = self._pose
         if last is not None:
             place = place.copy()
-            place[2] = last.place[2] + np.angle(np.exp(1j * (place[2] - last.place[2])))
+            place[2] = last.place[2] + remainder(place[2] - last.place[2], tau)
         pose = Pose(place, velocity, stamp, came)
         self._pose = pose
         if last is not None and stamp < last.stamp:
@@ -221,7 +225,7 @@ class Node:
         self.work.poses.append(pose)
 
     def _take_scan(self, message: ros.LaserScan) -> None:
-        at, _ = self._frames.pose(self.options.map_frame, message.header.frame_id or self.options.base_frame)
+        at = self._in_map(message.header, self.options.base_frame)
         ranges = np.array(message.ranges)
         angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
         if not (len(ranges) and np.isfinite(angles).all() and 0.0 < message.range_max < inf):

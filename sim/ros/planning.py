@@ -181,8 +181,9 @@ class Work:
                     self._anew = False
                     self._prepare(task)
                     began = time.monotonic()
-                self.law = self._planned(began)
+                law = self.law = self._planned(began)
                 self.trouble = ""
+                law.risk = self._risk(law.plan)
             except PirrhtError as error:
                 self.law = None
                 self.trouble = str(error)
@@ -256,9 +257,13 @@ class Work:
         until = began + SHARE * self.period
         plan = self._driver.plan(self._state(pose), lambda: until - time.monotonic())
         made = time.monotonic()
+        return Law(plan, self._scenario, pose.came, made, made - began)
+
+    def _risk(self, plan: Plan) -> float | None:
+        """Predict the probability of a collision; None: nothing is predicted."""
+        assert self._scenario is not None
         collision = self._scenario.collisions(plan)
-        risk = None if collision is None else collision.probability
-        return Law(plan, self._scenario, pose.came, made, made - began, risk)
+        return None if collision is None else collision.probability
 
     def _entered(self, task: Task, pose: Pose) -> Scenario:
         """Return the scenario of a task; SceneError or OptionError: there can be none."""

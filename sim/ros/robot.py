@@ -90,7 +90,7 @@ class Wire:
         self.begun = False  # whether a command has moved the robot
         self.taken = 0  # commands
         self._command, self._heard = np.zeros(3), -inf  # vx, vy [m/s] and turn rate [rad/s], and when it came [s]
-        self._told = -inf, np.zeros(3)  # time [s] and pose of the last odometry
+        self._last = -inf, np.zeros(3)  # time [s] and pose of the last odometry
         self._due = self._check = 0.0
         self._refused = False
 
@@ -136,9 +136,9 @@ class Wire:
         if now < self._due - EARLY and not last:
             return
         self._due = max(self._due + 1.0 / self.wiring.hz, now)
-        before, known = self._told
+        before, known = self._last
         vx, vy, turning = composed(inverse(known), pose) / (now - before) if now > before else np.zeros(3)
-        self._told = now, pose.copy()
+        self._last = now, pose.copy()
         x, y, yaw = pose.tolist()
         header, base, rotation = self._header(now, self.wiring.odom_frame), self.wiring.base_frame, quaternion_of(yaw)
         self._clock.publish(Clock(header.stamp))

@@ -3,8 +3,9 @@ import pytest
 
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
+from sim.mjcf.library import MOST_PIXELS
 from sim.ros.frames import Frames, Unconnected, composed, inverse, planar, quaternion_of, yaw_of
-from sim.ros.grids import MOST_CELLS, Grid, grid_of
+from sim.ros.grids import Grid, grid_of
 from sim.ros.messages import (
     Header,
     MapMetaData,
@@ -97,7 +98,7 @@ def test_cells_count_as_walls_if_they_are_occupied_or_unknown():
 @pytest.mark.parametrize(
     ("message", "why"),
     [
-        (of_map(width=40_000, height=25_000), f"40000 x 25000 cells, and at most {MOST_CELLS:,}"),
+        (of_map(width=40_000, height=25_000), f"40000 x 25000 cells, and at most {MOST_PIXELS:,}"),
         (of_map(width=3), "it has 2 cells, and says 3 x 1"),
         (of_map(data=(), width=0), "it has 0 cells"),
         (of_map(cell=0.0), "the side of a cell is 0 m"),
