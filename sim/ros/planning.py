@@ -177,8 +177,10 @@ class Work:
                 continue
             began = time.monotonic()
             try:
-                if task is not self._built or self._anew:
+                if self._anew:
                     self._anew = False
+                    self._built = None  # else the run would go on in a scene that is known
+                if task is not self._built:
                     self._prepare(task)
                     began = time.monotonic()
                 law = self.law = self._planned(began)

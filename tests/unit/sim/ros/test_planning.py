@@ -1,5 +1,6 @@
 """Laws as commands, and what a planner makes of maps, goals and scans."""
 
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.ros.planning import SOON, Law, Pose
+from sim.ros.planning import SOON, Law, Pose, Task, Work
 
 PLACE = np.array([1.0, 2.0, 0.6])
 VELOCITY = np.array([0.5, 0.1, 0.3])
@@ -48,6 +49,29 @@ def test_accelerations_are_commanded_as_the_velocity_that_is_reached_soon():
     car = SecondOrderCar()
     rates = car.rate(np.append(PLACE, 0.5), np.array([0.2, 0.6]), np.zeros(2), SOON)
     assert commanded(car, (0.2, 0.6)) == pytest.approx((0.5 + SOON * rates[1], 0.0, rates[0]), rel=1e-6)
+
+
+def test_a_run_that_begins_anew_keeps_nothing_of_the_scene_before():
+    work = Work({}, 0.25, None, print)
+    before = []
+
+    def prepare(task):
+        before.append(work._built)
+        work._built = task
+
+    work._prepare = prepare
+    work._planned = lambda began: SimpleNamespace(plan=None)
+    work._risk = lambda plan: None
+    work.poses.append(Pose(PLACE, VELOCITY, 0.0, 1.0))
+    work.task = Task(np.array([4.0, 1.0, 0.25]), None)
+    work.start()
+    for runs in (1, 2):
+        end = time.monotonic() + 5.0
+        while len(before) < runs and time.monotonic() < end:
+            time.sleep(0.01)
+        work.begin_anew()
+    work.end()
+    assert before[:2] == [None, None]
 
 
 def test_states_are_read_by_their_names_and_unknown_ones_are_refused():
