@@ -76,8 +76,10 @@ def test_the_key_of_a_sampled_path_is_that_of_its_winding():
     assert len(seen) > 4
 
 
-def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all():
-    integral = sampler(SCENES["crossing"]())
+@pytest.mark.parametrize("moving", [True, False])
+def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all(moving):
+    scene = SCENES["crossing"]()
+    integral = sampler(scene if moving else replace(scene, movers=()))
     times = integral.steps(3.0)
     tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
     proposals = tuple(Proposal(lead=tape, count=count) for tape, count in zip(tapes, (400, 40), strict=True))
