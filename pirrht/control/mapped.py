@@ -82,6 +82,7 @@ class Mapped(Policy):
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
         self._covered = False  # whether no place of the goal is free in it
+        self._avoided: list[Track] | None = None  # tracks as they are predicted; None: in the last map
         if isinstance(controller, Controller):
             controller.surcharge = self._surcharge if unknown > 0.0 else None
 
@@ -157,9 +158,11 @@ class Mapped(Policy):
         return self.controller.renewed(self.map.scene(self._bare, occupied), self._vertices or None)
 
     def _avoid(self) -> None:
-        """Predict moving obstacles; without a `Controller` they are walls."""
-        if isinstance(self.controller, Controller):
-            self.controller.avoid([self._predicted(one) for one in self.tracks.moving])
+        """Predict moving obstacles, which a scan or a map has changed; without a `Controller` they are walls."""
+        moving = self.tracks.moving
+        if isinstance(self.controller, Controller) and moving != self._avoided:
+            self.controller.avoid([self._predicted(one) for one in moving])
+            self._avoided = moving
 
     def _predicted(self, one: Track) -> Mover:
         """Return a track as a moving obstacle of constant velocity."""
@@ -174,6 +177,7 @@ class Mapped(Policy):
         self._pending = None
         try:
             self.controller.adopt(examined.result())
+            self._avoided = None
             self._covered = False
         except SceneError:
             self._covered = True

@@ -1,5 +1,8 @@
 """A controller among what scans show: obstacles come, split and merge, and classes keep their identity."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from trees import grown
@@ -8,6 +11,7 @@ from pirrht import Controller, FreeSpace, Goal, Problem, Sampling, Scene, Single
 from pirrht.control.mapped import Mapped
 from pirrht.errors import PirrhtError
 from pirrht.mapping.scan import Scan
+from pirrht.mapping.tracker import Track
 from pirrht.topology.driven import shift
 from pirrht.topology.homology import Homology
 
@@ -178,6 +182,25 @@ def test_a_robot_that_waits_while_its_goal_is_covered_gives_way_no_faster_than_i
     assert speeds[0] > 0.3
     assert speeds[1] == pytest.approx(speeds[0])
     assert speeds[2] < 0.5 * speeds[0]
+
+
+def test_moving_obstacles_are_predicted_anew_only_after_a_scan_or_in_another_map():
+    policy = mapped()
+    policy.begin(START)
+    place = np.array([4.0, 3.0, 0.0, -0.2])
+    policy.tracks.known = [
+        Track(number=1, state=place, cov=np.eye(4), radius=0.2, origin=place[:2], born=0.0, seen=0.0, moves=True)
+    ]
+    integrals = list[object]()
+    for shown in (None, None, [], None, [CRATE], None):  # seen before each plan
+        if shown is not None:
+            policy.see(replace(looked(shown, START), time=0.1))
+        policy.observe(START[None], 0.01)
+        plan = policy.plan(START)
+        assert [mover.name for mover in plan.movers] == ["track 1"]
+        assert policy.space.scene.movers == plan.movers
+        integrals.append(policy.path_integral)
+    assert [one is other for one, other in pairwise(integrals)] == [True, False, True, False, True]
 
 
 def test_a_metre_that_nobody_has_seen_costs_what_it_is_said_to():
