@@ -263,7 +263,7 @@ class Node:
         if law is None:
             return "planning"
         if now - law.made > late:
-            return "plans are late"
+            return f"plans are late: they take longer than {late:g} s; raise --period, or take fewer --samples"
         return "blocked: no way is free" if law.blocked else None
 
     def _lacking(self, now: float) -> str:

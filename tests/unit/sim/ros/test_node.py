@@ -185,7 +185,7 @@ def test_a_plan_that_is_late_stops_the_robot(driving):
         assert driving.tick(0.14, planned=False) == [AHEAD]
     driving.odometry()
     assert driving.tick(0.14, planned=False) == [(0.0, 0.0, 0.0)]
-    assert driving.status.message == "plans are late"
+    assert driving.status.message.startswith("plans are late: they take longer than 0.6 s; raise --period")
 
 
 def test_a_blocked_plan_stops_the_robot(driving):
@@ -308,3 +308,27 @@ def test_names_without_a_slash_in_front_are_in_the_namespace_and_no_interface_is
     assert graph.full("/tf") == "/tf"
     with pytest.raises(OptionError, match="no DDS on the interface nowhere0"):
         Graph(102, interface="nowhere0")
+
+
+def test_an_interface_that_is_none_is_answered_by_those_that_there_are():
+    with pytest.raises(OptionError, match=r"name one of .*\blo\b"):
+        Graph(103, interface="nowhere0")
+
+
+@pytest.mark.parametrize("known", [{"remap": {"scn": "front"}}, {"qualities": {"scn": Quality()}}])
+def test_another_name_or_quality_of_a_topic_that_is_none_is_refused_with_those_that_are(known):
+    graph = Graph(101, **known)
+    graph.subscription("scan", ros.LaserScan)
+    with pytest.raises(OptionError, match="there is no topic /scn; topics are /scan"):
+        graph.check()
+
+
+def test_topics_with_another_name_and_quality_pass():
+    graph = Graph(101, remap={"scan": "front/scan"}, qualities={"scan": Quality()})
+    graph.subscription("scan", ros.LaserScan)
+    graph.check()
+
+
+def test_a_peer_that_is_no_address_is_refused():
+    with pytest.raises(OptionError, match="--peer 'not an address' is no address"):
+        Graph(104, peers=["not an address"])
