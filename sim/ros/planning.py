@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.mapped import Mapped
 from pirrht.control.plan import Plan
@@ -107,7 +108,7 @@ class Law:
     def figures(self) -> dict[str, str]:
         """Return what diagnostics tell of it."""
         e = self.plan.estimate
-        found = {"class": self.plan.favourite or "-", "blocked": self.plan.fallback or "no"}
+        found = {"class": formatting.turns(self.plan.favourite or "-"), "blocked": self.plan.fallback or "no"}
         found["plan [ms]"] = f"{1e3 * self.seconds:.1f}"
         if e is not None:
             found |= {"effective samples": f"{e.ess:.0f}", "value": f"{e.value:.4g}", "samples": str(len(e.weight))}

@@ -8,9 +8,11 @@ import pytest
 
 from pirrht.errors import OptionError
 from sim.ros import messages as ros
+from sim.ros.drawn import samples_of
 from sim.ros.frames import quaternion_of
 from sim.ros.graph import Graph, Quality, checked_name
 from sim.ros.node import STILL, Node, NodeOptions
+from sim.ros.planning import Law as PlannedLaw
 
 AHEAD = (0.7, 0.0, 0.2)
 
@@ -332,3 +334,32 @@ def test_topics_with_another_name_and_quality_pass():
 def test_a_peer_that_is_no_address_is_refused():
     with pytest.raises(OptionError, match="--peer 'not an address' is no address"):
         Graph(104, peers=["not an address"])
+
+
+def test_what_is_drawn_of_a_plan_is_taken_back_when_there_is_none(driving):
+    driving.work.law.drawn = False
+    driving.work.law.plan = SimpleNamespace(favourite=None, ids=())
+    driving.odometry()
+    driving.tick(planned=False)
+    driving.work.law = None
+    driving.odometry()
+    driving.tick(planned=False)
+    assert [path.poses for path in driving.wire.topics["plan"].sent] == [[]]
+    for topic in ("pirrht/classes", "pirrht/samples"):
+        assert [[one.action for one in array.markers] for array in driving.wire.topics[topic].sent] == [
+            [ros.DELETE_ALL]
+        ]
+
+
+def test_the_heaviest_samples_are_drawn_as_such_where_none_has_died():
+    paths = [np.zeros((3, 2))]
+    both = SimpleNamespace(heaviest=lambda count: iter([(paths, np.zeros(1)), (paths, np.ones(1))]))
+    alone = SimpleNamespace(heaviest=lambda count: iter([(paths, np.ones(1))]))
+    *_, heaviest = samples_of(both, 5, ros.Header()).markers
+    assert samples_of(alone, 5, ros.Header()).markers[1:] == [heaviest]
+
+
+@pytest.mark.parametrize(("name", "shown"), [("0,0,0,0,1", "+5"), (None, "-")])
+def test_diagnostics_name_a_class_as_the_markers_do(name, shown):
+    plan = SimpleNamespace(favourite=name, fallback=None, estimate=None)
+    assert PlannedLaw(plan, None, 0.0, 0.0, 0.0).figures()["class"] == shown
