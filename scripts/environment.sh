@@ -8,6 +8,6 @@ prepare() { # what to install, such as ".[sim]"
         "$python" -m venv .venv
     fi
     source .venv/bin/activate
-    # Kernels that are already compiled survive, since the package is installed in place.
-    python -m pip install --quiet --disable-pip-version-check --editable "$1"
+    # Kernels that are already compiled survive, since the package is installed in place. Python compiles what it imports.
+    python -m pip install --no-compile --quiet --disable-pip-version-check --editable "$1"
 }

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.control.cost_to_go import sweep
 from pirrht.errors import OptionError
 
@@ -60,6 +60,12 @@ def length(posts: Array, clear: float = NARROW) -> float:
     return float(ways[1 + int(START[1] / CELL), 1 + int(START[0] / CELL)])
 
 
+def smoothed(field: BoolArray, least: int) -> BoolArray:
+    """Return which cells of a field are full: those that were, of so many full neighbours, and any of five."""
+    around = ndimage.convolve(field.astype(int), np.ones((3, 3), int), mode="constant") - field
+    return np.asarray((field & (around >= least)) | (around >= 5))
+
+
 def grown(seed: int) -> Array:
     """Return the centres (k, 2) of the cylinders of a world that a seed grows, some way of which is wide enough [m]."""
     rng = np.random.default_rng(seed)
@@ -68,8 +74,7 @@ def grown(seed: int) -> Array:
     full[0] = True
     while True:
         field = rng.random((FIELD, CELLS[1] - 2)) < rng.uniform(*FULL)
-        around = ndimage.convolve(field.astype(int), np.ones((3, 3), int), mode="constant") - field
-        full[EMPTY:, 1:-1] = (field & (around >= 2)) | (around >= 5)
+        full[EMPTY:, 1:-1] = smoothed(field, 2)
         posts = np.subtract(CELL * (np.argwhere(full)[:, ::-1] + 0.5), (ACROSS, 0.0))
         if np.isfinite(length(posts, CLEAR)):
             return np.asarray(posts)
@@ -83,9 +88,11 @@ def read(file: str | Path) -> Any:
         raise OptionError(f"{file}: no worlds of BARN or their lengths ({error}); write JSON by name") from None
 
 
-def text(name: str, posts: Array, **numbers: float) -> str:
+def text(
+    name: str, posts: Array, *, size: Sequence[float] = SIZE, goal: Sequence[float] = GOAL, **numbers: float
+) -> str:  # fmt: skip
     """Write a world of cylinders with centres (k, 2) [m] as MJCF, with numbers of the scene's options."""
-    width, depth = SIZE
+    width, depth = size
     options = "\n".join(f'    <numeric name="pirrht_{key}" data="{value:g}"/>' for key, value in numbers.items())
     geoms = "\n".join(
         f'    <geom name="post {i}" type="cylinder" size="{RADIUS} 0.25" pos="{x + ACROSS:.6g} {y:.6g} 0.25"/>'
@@ -102,7 +109,7 @@ def text(name: str, posts: Array, **numbers: float) -> str:
 {geoms}
     <site name="workspace" type="box" pos="{width / 2:g} {depth / 2:g} 0.5" size="{width / 2:g} {depth / 2:g} 0.5"/>
     <site name="start" pos="{START[0]} {START[1]} 0" euler="0 0 90"/>
-    <site name="goal" type="cylinder" pos="{GOAL[0]} {GOAL[1]} 0" size="{GOAL[2]} 0.01"/>
+    <site name="goal" type="cylinder" pos="{goal[0]} {goal[1]} 0" size="{goal[2]} 0.01"/>
   </worldbody>
 </mujoco>
 """

@@ -156,13 +156,14 @@ class Mppi(Policy):
         batch = Batch(state=x, times=self.times, proposals=(proposal,), time=run.now)
         try:
             estimate = self.path_integral.sample(batch, int(self.rng.integers(2**63)), left=left)
+            run.plan()
         except NoSurvivingSample:
             estimate = None
+            run.clock.planned(estimated=False)
         plan = Plan(
             state=x, times=self.times, references=(), ids=(), estimate=estimate, replay=self.path_integral.replay,
             fallback="no survivor" if estimate is None else None, instead=tape if estimate is None else None,
             time=run.clock.time, space=self.space, dynamics=self.problem.dynamics, movers=run.route.movers,
         )  # fmt: skip
         self._tape = plan.tape
-        run.clock.planned(estimated=False)
         return governed(plan, self.problem.dynamics, self.space.static, self.deceleration)

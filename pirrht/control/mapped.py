@@ -19,6 +19,7 @@ from pirrht.arrays import Array, BoolArray
 from pirrht.control.baselines import Mppi
 from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.controller import Controller
+from pirrht.control.governor import governed
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
@@ -81,6 +82,7 @@ class Mapped(Policy):
         self._last: Scan | None = None
         self._version = 0  # of the map that was examined last
         self._covered = False  # whether no place of the goal is free in it
+        self._avoided: list[Track] | None = None  # tracks as they are predicted; None: in the last map
         if isinstance(controller, Controller):
             controller.surcharge = self._surcharge if unknown > 0.0 else None
 
@@ -129,7 +131,11 @@ class Mapped(Policy):
             last = Believed.of(self.map, self._last, pose)
         self.believed = replace(last, seconds=self.clock() - began)
         if self._covered:
-            return shifted(blocked_plan(self._brake, x + error, self.run, self.space, "no reference"), error)
+            plan = blocked_plan(self._brake, x + error, self.run, self.space, "no reference")
+            moving = self.path_integral.setup.world.moving
+            deceleration = self.controller.deceleration
+            plan = governed(plan, self.problem.dynamics, self.space.static, deceleration, moving, self.run.now)
+            return shifted(plan, error)
         if self._pool is not None:
             left = TimeBudget(left).less(TUNING.mapping) if left is not None else None
         return shifted(self.controller.plan(x + error, left), error)
@@ -152,9 +158,11 @@ class Mapped(Policy):
         return self.controller.renewed(self.map.scene(self._bare, occupied), self._vertices or None)
 
     def _avoid(self) -> None:
-        """Predict moving obstacles; without a `Controller` they are walls."""
-        if isinstance(self.controller, Controller):
-            self.controller.avoid([self._predicted(one) for one in self.tracks.moving])
+        """Predict moving obstacles, which a scan or a map has changed; without a `Controller` they are walls."""
+        moving = self.tracks.moving
+        if isinstance(self.controller, Controller) and moving != self._avoided:
+            self.controller.avoid([self._predicted(one) for one in moving])
+            self._avoided = moving
 
     def _predicted(self, one: Track) -> Mover:
         """Return a track as a moving obstacle of constant velocity."""
@@ -169,6 +177,7 @@ class Mapped(Policy):
         self._pending = None
         try:
             self.controller.adopt(examined.result())
+            self._avoided = None
             self._covered = False
         except SceneError:
             self._covered = True

@@ -5,7 +5,6 @@ says what a course is. With --json each run is written too.
 """
 
 import argparse
-import json
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from benchmarks.moving_text import prepared
 from benchmarks.pool import spread
-from worlds.page import Page, drum
 
 from pirrht.control.mapped import Mapped
 from pirrht.control.settings import TREELESS
@@ -32,22 +30,18 @@ NOTE = "a reproduction in MuJoCo, not the challenge's Gazebo"
 def worlds() -> list[str]:
     """Numbers of the worlds; none if the folder is missing."""
     file = FOLDER / "test50.json"
-    return list(json.loads(file.read_text())) if file.exists() else []
+    return list(barn.read(file)) if file.exists() else []
 
 
-def world(number: str, **other: Any) -> Page:
-    """A world, with other fields of `Page` if they are given."""
-    posts = json.loads((FOLDER / "test50.json").read_text())[number]
-    fields = {"size": barn.SIZE, "goal": barn.GOAL, "settings": barn.KNOWN, **other}
-    return Page(
-        name=f"barn {number}", about="A world of BARN.", why="BARN (Perille et al. 2020).", start=barn.START[:2],
-        elements=[drum(f"post {i}", x + barn.ACROSS, y, barn.RADIUS) for i, (x, y) in enumerate(posts)], **fields,
-    )  # fmt: skip
+def world(number: str, **given: Any) -> str:
+    """A world as MJCF, by what `sim.barn.text` takes."""
+    posts = np.array(barn.read(FOLDER / "test50.json")[number], dtype=float)
+    return barn.text(f"barn {number}", posts, **{"classes": 8, **given})  # half of what the Gym environment has
 
 
 def length(number: str) -> float:
     """The length of the path that the challenge compares with [m]."""
-    return float(json.loads((FOLDER / "paths.json").read_text())["length"][number])
+    return float(barn.read(FOLDER / "paths.json")["length"][number])
 
 
 class Run(NamedTuple):
@@ -66,9 +60,9 @@ class Run(NamedTuple):
     def scenario(self, **given: Any) -> Scenario:
         """Prepare it, with all cylinders known or none."""
         sense = {} if self.known else {"sense": "lidar"}
-        page = world(self.world, settings=barn.KNOWN if self.known else barn.SENSED)
+        text = world(self.world, **(barn.KNOWN if self.known else barn.SENSED))
         return prepared(
-            "scene", page.text(), robot="jackal", seed=self.seed, start=barn.START, method=self.method, **sense, **given
+            "scene", text, robot="jackal", seed=self.seed, start=barn.START, method=self.method, **sense, **given
         )
 
 

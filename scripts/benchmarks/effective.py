@@ -17,7 +17,7 @@ from benchmarks.barn import world, worlds
 from benchmarks.moving_text import prepared
 from benchmarks.pool import spread
 from worlds import grown
-from worlds.page import Page
+from worlds.page import PUCK, Page
 
 from pirrht.errors import NoReference, SceneError
 from pirrht.estimation.sampling import TUNING
@@ -28,7 +28,7 @@ ROBOTS = ("puck", "unicycle", "diffdrive", "hover", "rover", "car")
 SCENES, SEEDS = ("house", "office", "clutter", "barn", "forest", "warehouse"), 2
 WORLDS = 10
 NARROW: dict[str, Any] = {
-    "size": (4.5, 14.0), "goal": (2.25, 13.0, 0.9), "settings": {"noise": 0.08, "vertices": 2000, "limit": 0.8},
+    **PUCK, "size": (4.5, 14.0), "goal": (2.25, 13.0, 0.9), "noise": 0.08, "vertices": 2000, "limit": 0.8,
 }  # fmt: skip
 GROWN: dict[str, Callable[[], Page]] = {
     "forest 1": partial(grown.forest, 1), "barn 1": partial(grown.barn, 1), "barn 2": partial(grown.barn, 2),
@@ -53,8 +53,9 @@ class Drive(NamedTuple):
             given |= {"radius": float(self.shape)} if round_ else {"footprint": self.shape}
         if self.kind == self.scene:
             return prepare(self.scene, **given)
-        page = GROWN[self.scene]() if self.kind == "grown" else world(self.scene, **NARROW)
-        return prepared("scene", page.text(), **given, **({"start": barn.START} if self.kind == "BARN" else {}))
+        if self.kind == "grown":
+            return prepared("scene", GROWN[self.scene]().text(), **given)
+        return prepared("scene", world(self.scene, **NARROW), **given, start=barn.START)
 
 
 def drives(options: argparse.Namespace) -> Iterator[Drive]:

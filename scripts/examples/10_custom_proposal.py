@@ -27,7 +27,7 @@ def wider(x, default):
     return None if default.guide is None else Wider(default)
 
 
-scenario = prepare("slit", robot="hover", given={"samples": 1000, "vertices": 400})
+scenario = prepare("slit", robot="unicycle", given={"samples": 1000, "vertices": 400})
 estimates = {}
 for name, propose in ("default", []), ("with wider noise", [wider]):
     controller = Controller(

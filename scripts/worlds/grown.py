@@ -3,6 +3,7 @@
 import numpy as np
 from scipy import ndimage
 
+from sim.barn import smoothed
 from worlds.page import Page, drum, seen
 
 
@@ -43,9 +44,7 @@ def forest(seed: int = 22, trees: int = 42) -> Page:
 def barn(seed: int = 9, side: float = 0.15, fill: float = 0.15) -> Page:
     """A field of cells, drawn at random and smoothed once by its neighbours, every full one a cylinder."""
     rng, columns, rows = np.random.default_rng(seed), 40, 30
-    full = rng.random((rows, columns)) < fill
-    around = ndimage.convolve(full.astype(int), np.ones((3, 3), int), mode="constant") - full
-    full = (full & (around >= 1)) | (around >= 5)
+    full = smoothed(rng.random((rows, columns)) < fill, 1)
     full &= ~_too_narrow(full)
     centers = np.argwhere(full) * side + side / 2 + (0.0, 1.2)
     parts = [drum(f"post {i}", x, y, side / 2, 0.4) for i, (y, x) in enumerate(centers.tolist(), 1)]

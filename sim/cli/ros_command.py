@@ -24,9 +24,11 @@ def ros(arguments: argparse.Namespace) -> int:
         raise OptionError("--workspace must be X0 X1 Y0 Y1, of a robot on the ground")
     known: Any = {name: getattr(arguments, name) for name in NODE}
     work = Work(given, arguments.goal_radius, None if workspace is None else np.array(workspace), say)
+    work.check()
     notice()
     graph = Graph.of(**{name: getattr(arguments, name) for name in OPTIONS})
     node = Node(graph, work, NodeOptions(**known), lambda line: print(line, flush=True))
+    graph.check()
     try:
         node.run(lambda: arguments.once and node.arrived > 0)
     finally:

@@ -61,7 +61,8 @@ def classes_of(plan: Plan, colors: ClassColors, header: Header) -> MarkerArray:
 def samples_of(plan: Plan, count: int, header: Header) -> MarkerArray:
     """Return the heaviest samples of a plan, and as many that died, each as segments."""
     markers = [Marker(header, action=DELETE_ALL)]
-    for number, (paths, _) in enumerate(plan.heaviest(count)):
+    for paths, strength in plan.heaviest(count):
+        number = int(strength.any())  # 0 of those that died
         segments = [np.repeat(path[:, :2], 2, axis=0)[1:-1] for path in paths if len(path) > 1]
         if segments:
             color = tinted(OTHER_COLOR, FAINT * (1 + 2 * number))

@@ -7,6 +7,7 @@ says so to nobody: `Graph.troubles` does.
 
 import os
 import re
+import socket
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -155,11 +156,16 @@ class Graph:
         self._remap = dict[str, str]()
         self._remap = {self.full(name): self.full(other) for name, other in (remap or {}).items()}
         self._qualities = {self.full(name): quality for name, quality in (qualities or {}).items()}
+        for peer in peers:
+            check_address(peer)
         try:
             self._domain = joined(domain, configuration(interface, peers))
             self._participant = DomainParticipant(domain)
         except DDSException:
-            raise OptionError(f"no DDS on the interface {interface or LOOPBACK}; name one that is up") from None
+            there = ", ".join(name for _, name in socket.if_nameindex())
+            raise OptionError(
+                f"no DDS on the interface {interface or LOOPBACK}; name one of {there} that is up, or its address"
+            ) from None
         self._waits = WaitSet(self._participant)
         self._ends = list[Publisher[Any] | Subscription[Any]]()
 
@@ -202,6 +208,13 @@ class Graph:
         self._ends.append(made)
         return made
 
+    def check(self) -> None:
+        """Refuse another name or quality of a topic that nothing here publishes or subscribes to, by an OptionError."""
+        known = {one.name for one in self._ends}
+        strange = [name for name, other in self._remap.items() if other not in known]
+        for name in (*strange, *(name for name in self._qualities if name not in known)):
+            raise OptionError(f"--remap or --qos: there is no topic {name}; topics are {', '.join(sorted(known))}")
+
     def wait(self, seconds: float) -> None:
         """Return when there is a message, or a time [s] has passed."""
         self._waits.wait(max(0, round(seconds * 1e9)))
@@ -226,6 +239,14 @@ def pairs(words: Iterable[str] | None, sign: str, example: str) -> dict[str, str
         if sign not in word:
             raise OptionError(f"{word[:60]!r} has no {sign}; write it as in {example}")
     return {name: other for name, _, other in (word.partition(sign) for word in words or ())}
+
+
+def check_address(peer: str) -> None:
+    """Refuse what is no address by an OptionError; DDS would end the process."""
+    try:
+        socket.getaddrinfo(peer, None, socket.AF_INET)
+    except (OSError, UnicodeError):
+        raise OptionError(f"--peer {peer[:60]!r} is no address; give one as 192.168.0.7") from None
 
 
 def checked_name(name: str, what: str) -> str:

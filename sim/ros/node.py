@@ -108,6 +108,7 @@ class Node:
             finally:
                 self.work.end()
                 self._command(0.0, 0.0, 0.0)
+                self._clear()
 
     def step(self, now: float) -> None:
         """Take what has come until a time [s], and answer it."""
@@ -263,7 +264,7 @@ class Node:
         if law is None:
             return "planning"
         if now - law.made > late:
-            return "plans are late"
+            return f"plans are late: they take longer than {late:g} s; raise --period, or take fewer --samples"
         return "blocked: no way is free" if law.blocked else None
 
     def _lacking(self, now: float) -> str:
@@ -318,6 +319,9 @@ class Node:
             law.drawn = True
             self._drawn = now
             self._draw(law)
+        elif law is None and self._drawn > -inf:
+            self._drawn = -inf
+            self._clear()
 
     def _diagnose(self, status: str, law: Law | None) -> None:
         for trouble in self.graph.troubles():
@@ -338,3 +342,10 @@ class Node:
             self._classes.publish(classes_of(plan, self._colors, header))
         if self._samples.heard:
             self._samples.publish(samples_of(plan, self.options.samples_drawn, header))
+
+    def _clear(self) -> None:
+        """Take back what was drawn of a plan that is none any more."""
+        header = self._header(self.options.map_frame)
+        self._plans.publish(ros.Path(header))
+        for drawn in (self._classes, self._samples):
+            drawn.publish(ros.MarkerArray([ros.Marker(header, action=ros.DELETE_ALL)]))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.mapped import Mapped
 from pirrht.control.plan import Plan
@@ -30,6 +31,7 @@ SOON = 0.1  # time after which a robot with inertia has the commanded velocity [
 INSTANT = 1e-3  # as long for one without [s]
 IDLE = 0.01  # between two looks for work [s]
 AROUND = 5.0  # of start and goal that a workspace holds, if none is given [m]
+SOMEWHERE = np.array([3.0, 0.0, 1.0])  # x, y and radius of a goal, of a robot that starts at 0, 0 [m]
 WALL = 0.5  # height of walls [m]
 MOST_POSES = 1000  # between two plans
 
@@ -106,7 +108,7 @@ class Law:
     def figures(self) -> dict[str, str]:
         """Return what diagnostics tell of it."""
         e = self.plan.estimate
-        found = {"class": self.plan.favourite or "-", "blocked": self.plan.fallback or "no"}
+        found = {"class": formatting.turns(self.plan.favourite or "-"), "blocked": self.plan.fallback or "no"}
         found["plan [ms]"] = f"{1e3 * self.seconds:.1f}"
         if e is not None:
             found |= {"effective samples": f"{e.ess:.0f}", "value": f"{e.value:.4g}", "samples": str(len(e.weight))}
@@ -149,6 +151,12 @@ class Work:
         self._scenario: Scenario | None = None
         self._last = 0.0  # time of the pose of the last plan [s]
         self._thread = Thread(target=self._run, name="planner", daemon=True)
+
+    def check(self) -> None:
+        """Refuse options that no goal can be reached with, before there is one; OptionError or SceneError says why."""
+        still = Pose(np.zeros(3), np.zeros(3), 0.0, 0.0)
+        entered = Work({**self.given, "risk": None}, 1.0, None, self.say)._entered(Task(SOMEWHERE, None), still)
+        still.state(entered.system.states)
 
     def start(self) -> None:
         """Begin to work."""
@@ -275,7 +283,8 @@ class Work:
             try:
                 scenario = prepare(file, given={**self.given, "period": self.period, "real_time": True})
             except (SceneError, OptionError) as error:
-                raise type(error)(str(error).replace(f"{file}: ", "").replace("--goal", "/goal_pose")) from None
+                why = str(error).replace(f"{file}: ", "").replace("--goal", "/goal_pose")
+                raise type(error)(why.replace('move site "start"', "drive the robot off it")) from None
         if scenario.risk_note:
             self.say(scenario.risk_note)
         return scenario

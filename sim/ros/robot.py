@@ -106,6 +106,7 @@ class Wire:
         ]))  # fmt: skip
         if wiring.cell is not None:
             graph.publisher("map", OccupancyGrid, LATCHED).publish(grid_of(scene, wiring.cell, here))
+        graph.check()
 
     def _header(self, now: float, frame: str) -> Header:
         return Header(Time.of(now), frame)

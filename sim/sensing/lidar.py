@@ -7,7 +7,7 @@ no ray ends there.
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, fields
-from math import inf
+from math import ceil, hypot, inf
 
 import mujoco
 import numpy as np
@@ -20,9 +20,10 @@ from sim.text import suggestion
 
 SEEN, UNSEEN = 0, 1  # groups of geoms
 FORM = "rays=360,fov=360"  # of a lidar's text
+SPARSE = 10.0  # from ray to ray at most: 0.17 m at a distance of 1 m [degrees]
 _MUST: dict[str, tuple[Callable[[float], bool], str]] = {
-    "fov": (lambda value: 0 <= value <= 360, "from 0 to 360 [degrees]"),
-    "rays": (lambda value: value in range(1, 100_001), "a whole number from 1 to 100000"),
+    "fov": (lambda value: 0 < value <= 360, "above 0 and at most 360 [degrees]"),
+    "rays": (lambda value: value in range(2, 100_001), "a whole number from 2 to 100000"),
     "least": (lambda value: 0 <= value < inf, "0 or more [m]"),
     "most": (lambda value: 0 < value < inf, "a positive number [m]"),
     "sigma": (lambda value: 0 <= value < inf, "0 or more [m]"),
@@ -56,6 +57,11 @@ class Lidar:
                 raise OptionError(f"the lidar's {field.name} is {value!r}; it must be {must}")
         if self.least >= self.most:
             raise OptionError(f"the lidar's least range is {self.least:g} m; it must be below the most, {self.most:g}")
+        if self.fov > SPARSE * (self.rays - 1):
+            raise OptionError(
+                f"the lidar's {self.rays} rays are {self.fov / (self.rays - 1):.3g} degrees apart, and obstacles fit "
+                f"in between; for a fov of {self.fov:g} write rays={ceil(self.fov / SPARSE) + 1} or more"
+            )
 
     @classmethod
     def of(cls, text: str) -> "Lidar":
@@ -93,7 +99,10 @@ class Lidar:
 
 
 class LidarSensor:
-    """A lidar among the obstacles of a loaded scene, which does not see the robot, or what it cannot collide with."""
+    """A lidar among the obstacles of a loaded scene, which does not see the robot, or what it cannot collide with.
+
+    OptionError: it is not on the robot, sees no farther than that is wide, or lies above or below all obstacles.
+    """
 
     def __init__(self, loaded: Loaded, lidar: Lidar) -> None:
         self.lidar = lidar
@@ -103,6 +112,26 @@ class LidarSensor:
         model.geom_group[:] = np.where(loaded.obstacle_geoms, SEEN, UNSEEN)
         model.geom_rgba[:, 3] = 1.0
         model.geom_matid[:] = -1
+        self._refuse_blind(loaded)
+
+    def _refuse_blind(self, loaded: Loaded) -> None:
+        """Refuse a lidar that is not on the robot, or cannot see any obstacle."""
+        lidar = self.lidar
+        reach = loaded.scene.body.reach
+        if hypot(lidar.x, lidar.y) > reach:
+            raise OptionError(f"the lidar is at x={lidar.x:g}, y={lidar.y:g}; on this robot it is within {reach:.3g} m")
+        if lidar.most <= reach:
+            raise OptionError(f"the lidar's most is {lidar.most:g} m; it must be above the robot's reach, {reach:.3g}")
+        data = mujoco.MjData(self._model)
+        mujoco.mj_resetDataKeyframe(self._model, data, 0)
+        mujoco.mj_kinematics(self._model, data)
+        boxes = self._model.geom_aabb[loaded.obstacle_geoms]
+        up = data.geom_xmat[loaded.obstacle_geoms, 6:]
+        middles = data.geom_xpos[loaded.obstacle_geoms, 2] + (up * boxes[:, :3]).sum(axis=1)
+        off = np.abs(self._height - middles) - (np.abs(up) * boxes[:, 3:]).sum(axis=1)
+        if len(off) and off.min() > 0.0:
+            near = middles[off.argmin()]
+            raise OptionError(f"at z={self._height:g} the lidar sees no obstacle; one is there at z={near:.3g}")
 
     def scan(self, data: mujoco.MjData, pose: Array, time: float, rng: np.random.Generator) -> Scan:
         """Scan what is around the robot at x, y, yaw (3,), with bodies where MuJoCo's data has them.

@@ -150,28 +150,28 @@ def test_equal_seeds_run_alike_and_others_do_not(figures):
     assert one["path_length"] != three["path_length"]
 
 
-@pytest.mark.parametrize("words", [*RISKY, "run slit --noise 0.3 --truth", "estimate slit --at 2.2 2.6 --truth"])
+def check_fields(command: str, values: dict[str, Any], within: str = "") -> None:
+    """Assert that fields are documented with their types, and fields within others, but for names of classes."""
+    known = {one.name: one.kind for one in FILES[command]}
+    for name, value in values.items():
+        field = within + name
+        inside = any(other.startswith(f"{field}.") for other in known)
+        items = any(other.startswith(f"{field}[].") for other in known)
+        assert field in known or inside
+        if value is not None and field in known:
+            assert isinstance(value, PYTHON[TYPES.get(known[field], known[field])]), field
+        if inside and value is not None:
+            check_fields(command, value, f"{field}.")
+        for one in value if items else ():
+            check_fields(command, one, f"{field}[].")
+
+
+@pytest.mark.parametrize("words", [*RISKY, "run slit --noise 0.3 --truth"])
 def test_every_field_of_a_json_file_is_documented_with_its_type(figures, words):
-    """Fields within others as well, but for those that are names of classes or of statistics."""
     command, *_ = words.split()
     limited = [] if command in ("plan", "estimate") else ["--max-time", "0.05"]
     _, found = figures(*words.split(), *SMALL, *limited)
-    known = {one.name: one.kind for one in FILES[command]}
-
-    def check(values: dict[str, Any], within: str = "") -> None:
-        for name, value in values.items():
-            field = within + name
-            inside = any(other.startswith(f"{field}.") for other in known)
-            items = any(other.startswith(f"{field}[].") for other in known)
-            assert field in known or inside
-            if value is not None and field in known:
-                assert isinstance(value, PYTHON[TYPES.get(known[field], known[field])]), field
-            if inside and value is not None:
-                check(value, f"{field}.")
-            for one in value if items else ():
-                check(one, f"{field}[].")
-
-    check(found[0] if command == "sweep" else found)
+    check_fields(command, found[0] if command == "sweep" else found)
 
 
 def test_the_paper_preset_sets_the_papers_steps_and_rules_and_the_command_line_wins(figures):
@@ -248,6 +248,7 @@ def test_the_law_of_the_grid_drives_a_run_with_its_exact_value(figures, tmp_path
 def test_truth_adds_the_exact_value_control_and_errors(figures, capsys):
     words = "estimate slit --noise 0.3 --at 2.2 2.6 --repeat 2 --vertices 300 --truth"
     _, found = figures(*words.split())
+    check_fields("estimate", found)
     assert found["truth"]["value"] == pytest.approx(7.479, abs=0.002)
     assert found["truth"]["control"] == pytest.approx([0.7695, 0.1987], abs=0.002)
     assert found["value_error"] == pytest.approx(np.subtract(found["value"], found["truth"]["value"]))

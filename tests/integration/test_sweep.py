@@ -38,7 +38,7 @@ def test_equal_seeds_meet_equal_noise_in_the_dataset_as_in_memory(tmp_path):
 
 
 def test_a_larger_grid_adds_runs_and_repeats_none(tmp_path, capsys):
-    words = ["sweep", "slit", "--methods", "passive", *QUICK, "-o", str(tmp_path / "sweep")]
+    words = ["sweep", "slit", "--methods", "passive", "--jobs", "1", *QUICK, "-o", str(tmp_path / "sweep")]
     assert main([*words, "--noise", "0.1", "--seeds", "0:2"]) == 0
     before = {file: file.stat().st_mtime_ns for file in Dataset(tmp_path / "sweep").files()}
     capsys.readouterr()
@@ -83,7 +83,7 @@ def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again
     assert "  2 x no path from (0.4, 2) to the goal is wide enough" in shown.err
     assert "--again repeats them" in shown.err
     files = Dataset(tmp_path / "sweep").files()
-    assert main([*words, "--again"]) == 1
+    assert main([*words, "--again", "--jobs", "1"]) == 1
     assert rows(tmp_path / "sweep") == found
     assert Dataset(tmp_path / "sweep").files() != files
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks import barn, dynabarn
+from benchmarks import barn, dynabarn, effective
 
 from sim.barn import START
 from sim.mjcf import load
@@ -24,9 +24,10 @@ def test_a_row_counts_ends_and_averages_times_of_arrivals_alone():
 def test_a_world_has_its_cylinders_start_and_length(tmp_path):
     assert len(barn.worlds()) == 50
     path = tmp_path / "barn.xml"
-    path.write_text(barn.world("0").text())
+    path.write_text(barn.world("0"))
     loaded = load(path, robot="jackal", start=START)
     scene = loaded.scene
+    assert loaded.meant == "jackal"
     places = np.array([one.position[:2] for one in scene.obstacles])
     assert {float(one.size[0]) for one in scene.obstacles} == {0.075}
     np.testing.assert_allclose(places.min(axis=0), [0.075, 0.075])
@@ -34,6 +35,15 @@ def test_a_world_has_its_cylinders_start_and_length(tmp_path):
     np.testing.assert_allclose([*scene.lower, *scene.upper, *scene.start], [0.0, 0.0, 4.5, 14.5, *START])
     np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], [2.25, 13.0, 1.0])
     assert (barn.length("0"), barn.length("30")) == pytest.approx((13.5923, 11.8459), abs=1e-3)
+
+
+@NEEDS_WORLDS
+def test_a_narrower_goal_and_numbers_for_other_robots_are_options_of_the_same_world():
+    drive = effective.Drive("puck", "BARN", "0", 0).scenario()
+    s, scene = drive.settings, drive.loaded.scene
+    assert (s.noise, s.vertices, s.limit, s.samples, s.period, s.classes) == (0.08, 2000, 0.8, 200, 0.02, 8)
+    np.testing.assert_allclose([*scene.upper, *scene.goal.center, scene.goal.radius], [4.5, 14.0, 2.25, 13.0, 0.9])
+    assert len(scene.obstacles) == 209
 
 
 @NEEDS_MOTIONS
@@ -52,5 +62,6 @@ def test_without_its_map_a_world_is_driven_with_a_lidar_and_faster():
     sensed = barn.Run("0", 3, known=False, method="mppi").scenario()
     s = sensed.settings
     assert (s.sense, s.speed, sensed.margin, s.seed, s.method) == ("lidar", 1.4, 0.03, 3, "mppi")
+    assert (s.classes, s.max_time) == (8, 100.0)
     assert not sensed.space.scene.obstacles
     assert len(sensed.loaded.scene.obstacles) == 209

@@ -44,6 +44,13 @@ def test_grown_worlds_depend_on_their_seed_alone_and_leave_a_way(seed: int):
     assert inner[:, 1].min() > 5.1
 
 
+@pytest.mark.parametrize(("least", "rows"), [(1, "##.# ###. .#.."), (2, "##.. ###. .#.."), (3, ".#.. ###. ....")])
+def test_neighbours_fill_a_cell_and_too_few_empty_it(least: int, rows: str):
+    field = np.array([[*row] for row in ["##.#", "#.#.", ".#.."]]) == "#"
+    full = np.array([[*row] for row in rows.split()]) == "#"
+    np.testing.assert_array_equal(barn.smoothed(field, least), full)
+
+
 @pytest.mark.parametrize("content", [None, "[1, 2]", "nothing"])
 def test_what_is_no_file_of_worlds_is_refused_by_name(tmp_path, content):
     file = tmp_path / "worlds.json"

@@ -42,7 +42,7 @@ def cornered() -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("b", "path", "seed", "off"),
-    [(b, straight(), 1, 0.03) for b in (0.03, 0.1, 0.2, 0.3)] + [(b, cornered(), 2, 0.05) for b in (0.1, 0.3)],
+    [(0.03, straight(), 1, 0.03), (0.3, straight(), 1, 0.03), (0.3, cornered(), 2, 0.05)],
 )
 def test_a_path_is_as_long_as_its_mean_whatever_the_noise(b: float, path: np.ndarray, seed: int, off: float):
     rng, problem = np.random.default_rng(seed), point(b)

@@ -203,13 +203,15 @@ def test_a_tree_stops_growing_when_it_fills_the_memory(slit, monkeypatch):
     assert [frame.vertices for frame in frames] == [50, 90, 100]
 
 
+FEW = {"noise": 0.2, "vertices": 300, "samples": 100}
+
 # -- a risk -------------------------------------------------------------------------------------------------------
 
 
 def test_a_smaller_risk_takes_a_wider_margin_and_the_prediction_keeps_it(tmp_path):
     margins = []
     for risk in (0.05, 0.01, 0.001):
-        scenario = prepare(gap(tmp_path, 0.3), given={"noise": 0.2, "risk": risk})
+        scenario = prepare(gap(tmp_path, 0.3), given={**FEW, "risk": risk})
         assert RESERVE * predicted(scenario).most <= risk
         margins.append(scenario.margin)
     assert margins == sorted(margins)
@@ -219,7 +221,7 @@ def test_a_smaller_risk_takes_a_wider_margin_and_the_prediction_keeps_it(tmp_pat
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"given": {"noise": 0.2, "risk": 1e-6}}, "no margin that leaves a way keeps it"),
+        ({"given": {**FEW, "risk": 1e-6}}, "no margin that leaves a way keeps it"),
         ({"given": {"risk": 0.01, "method": "mppi"}}, "a method of pi-rrht, optimal; others take --margin"),
         ({"given": {"risk": 0.01, "exit": "endpoint"}}, "--risk takes --exit bridge"),
         ({"given": {"risk": 0.01}, "margin": 0.01}, "--risk chooses the margin; leave out --margin"),
@@ -232,7 +234,7 @@ def test_a_risk_that_cannot_be_kept_is_refused_with_what_would_work(tmp_path, op
 
 
 def test_the_nearest_margin_is_taken_if_that_was_asked_for(tmp_path):
-    nearest = prepare(gap(tmp_path, 0.26), noise=0.2, risk=1e-5, risk_infeasible="best")
+    nearest = prepare(gap(tmp_path, 0.26), **FEW, risk=1e-5, risk_infeasible="best")
     assert 0.0 < nearest.margin < 0.03
     assert nearest.risk_note.startswith("not kept: ")
 
@@ -274,10 +276,10 @@ def counted(monkeypatch, kind: type, name: str) -> list:
 
 
 def test_each_noise_of_a_sweep_has_the_margin_that_keeps_the_risk(tmp_path):
-    noises, given = (0.1, 0.2), (("risk", 0.01),)
+    noises, given = (0.1, 0.2), (("risk", 0.01), ("vertices", 300), ("samples", 100))
     grid = Grid(scenes=(gap(tmp_path, 0.3),), methods=("pi-rrht",), noises=noises, seeds=range(1), given=given)
     margins = [settled(job).margin for job in grid.jobs()]
-    alone = [prepare(gap(tmp_path, 0.3), given={"noise": noise, "risk": 0.01}) for noise in noises]
+    alone = [prepare(gap(tmp_path, 0.3), given={**dict(given), "noise": noise}) for noise in noises]
     assert margins == [scenario.margin for scenario in alone]
     assert margins[0] < margins[1]
     for change in ({"noise": 0.2}, {"risk": 0.001}, {"phi": 3.0}):

@@ -90,7 +90,7 @@ def test_a_moved_obstacle_makes_the_tree_anew_in_the_background(monkeypatch):
 
 def test_a_wall_is_there_for_the_robot_before_plans_know_of_it(monkeypatch):
     monkeypatch.setattr(drive, "LATENCY", 5.0)
-    _, frames, _ = played(scenario(noise=0.01), Move(at=1.0, what="lower wall", to=(3.6, 2.5)))
+    _, frames, _ = played(scenario(noise=0.01, period=0.05), Move(at=1.0, what="lower wall", to=(3.6, 2.5)))
     assert frames[-1].outcome is Outcome.COLLISION
     assert frames[-1].state[0] == pytest.approx(2.7, abs=0.05)  # its end at 2.8, less the radius
 
@@ -131,7 +131,7 @@ def test_what_cannot_be_moved_or_planned_changes_no_plan_and_is_reported(monkeyp
 
 @pytest.mark.parametrize(("real_time", "to"), [(False, (5.0, 4.0)), (True, (2.5, 3.8))])
 def test_a_moved_goal_is_reached_and_so_is_one_that_is_moved_after_the_end(real_time, to):
-    known = scenario(noise=0.02, samples=20, real_time=real_time)
+    known = scenario(noise=0.02, samples=20, period=0.02, real_time=real_time)
     play, frames, said = played(known, Move(at=0.5, what="goal", to=to), real_time=real_time)
     assert said[0].startswith(f"goal moved to ({to[0]:g}, {to[1]:g}) at 0.5")
     assert frames[-1].outcome is Outcome.GOAL

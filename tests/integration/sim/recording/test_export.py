@@ -79,7 +79,7 @@ def test_both_formats_hold_the_same_columns_with_units_and_settings(drive, table
     assert (about["settings"]["scene"], about["settings"]["seed"]) == ("slit", 0)
 
 
-@pytest.mark.parametrize("share", [0.45, 0.7, 0.99])
+@pytest.mark.parametrize("share", [0.45, 0.99])
 def test_of_a_recording_that_breaks_off_the_whole_chunks_are_exported(drive, table, tmp_path, capsys, share):
     cut = tmp_path / "cut.rrd"
     cut.write_bytes(drive[0].read_bytes()[: int(share * drive[0].stat().st_size)])
@@ -95,7 +95,6 @@ def test_of_a_recording_that_breaks_off_the_whole_chunks_are_exported(drive, tab
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, drive):
-    (tmp_path / "text.rrd").write_text("hello")
     (tmp_path / "start.rrd").write_bytes(drive[0].read_bytes()[:60_000])
     (tmp_path / "whole.rrd").write_bytes(drive[0].read_bytes())
     (tmp_path / "empty.rrd").touch()
@@ -108,7 +107,6 @@ def folder(tmp_path, monkeypatch, drive):
     [
         ("none.rrd -o a.npz", "does not exist"),
         (". -o a.npz", "a folder"),
-        ("text.rrd -o a.npz", "no Rerun recording"),
         ("empty.rrd -o a.npz", "no Rerun recording"),
         ("start.rrd -o a.npz", "holds no"),
         ("whole.rrd -o a.csv", ".parquet, .npz"),

@@ -1,5 +1,8 @@
 """A controller among what scans show: obstacles come, split and merge, and classes keep their identity."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from trees import grown
@@ -8,6 +11,7 @@ from pirrht import Controller, FreeSpace, Goal, Problem, Sampling, Scene, Single
 from pirrht.control.mapped import Mapped
 from pirrht.errors import PirrhtError
 from pirrht.mapping.scan import Scan
+from pirrht.mapping.tracker import Track
 from pirrht.topology.driven import shift
 from pirrht.topology.homology import Homology
 
@@ -16,14 +20,15 @@ START = np.array([0.5, 2.0])
 GRAIN = 0.05
 
 
-def mapped(*, unknown: float = 0.0, seed: int = 1) -> Mapped:
+def mapped(*, unknown: float = 0.0, seed: int = 1, **more) -> Mapped:
     """A puck that knows nothing yet."""
     scene = Scene.from_boxes(np.empty((0, 4)), **TASK)
     problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
     space = FreeSpace.of(scene, GRAIN)
     tree = grown(space, StraightLine.of(problem), 200, limit=0.8)
     sampling = Sampling(samples=100)
-    return Mapped(Controller(problem, space, tree, sampling, rng=np.random.default_rng(seed)), unknown=unknown)
+    controller = Controller(problem, space, tree, sampling, rng=np.random.default_rng(seed), **more)
+    return Mapped(controller, unknown=unknown)
 
 
 def looked(boxes: list[list[float]], place: np.ndarray, rays: int = 2000) -> Scan:
@@ -137,17 +142,21 @@ def crosses(a, b, c, d) -> bool:
     return side(a, b, c) * side(a, b, d) < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
 
 
-def test_the_robot_waits_while_the_map_covers_its_goal():
-    policy = mapped()
-    policy.begin(START)
-    policy.plan(START)
-    space = policy.space
+def cover_the_goal(policy: Mapped) -> None:
     block = [5.0, 1.5, 6.0, 2.5]
     sides = [(4.0, 2.0), *((x, y) for x in np.arange(5.0, 6.0, 0.2) for y in (1.0, 3.0))]
     look(policy, [block], *sides)
     policy.map._odds[30:50, 102:120] = 1.0  # and its inside
     policy.map.version += 1
     policy.observe(START[None], 0.01)
+
+
+def test_the_robot_waits_while_the_map_covers_its_goal():
+    policy = mapped()
+    policy.begin(START)
+    policy.plan(START)
+    space = policy.space
+    cover_the_goal(policy)
     plan = policy.plan(START)
     assert plan.fallback == "no reference"
     assert np.hypot(*plan.control) < 0.2
@@ -156,6 +165,42 @@ def test_the_robot_waits_while_the_map_covers_its_goal():
     policy.map.version += 1
     policy.observe(START[None], 0.01)
     assert policy.plan(START).fallback is None
+
+
+def test_a_robot_that_waits_while_its_goal_is_covered_gives_way_no_faster_than_it_can_stop():
+    """Beside a wall it moves off, and at a deceleration of nearly none every way leads into something."""
+    speeds = []
+    for deceleration in (0.0, 100.0, 0.01):
+        policy = mapped(deceleration=deceleration)
+        policy.begin(START)
+        look(policy, [[0.0, 2.2, 1.5, 2.3], [0.0, 1.2, 1.5, 1.3]], START)
+        policy.plan(START)
+        cover_the_goal(policy)
+        plan = policy.plan(START)
+        assert plan.fallback == "no reference"
+        speeds.append(np.hypot(*plan.control))
+    assert speeds[0] > 0.3
+    assert speeds[1] == pytest.approx(speeds[0])
+    assert speeds[2] < 0.5 * speeds[0]
+
+
+def test_moving_obstacles_are_predicted_anew_only_after_a_scan_or_in_another_map():
+    policy = mapped()
+    policy.begin(START)
+    place = np.array([4.0, 3.0, 0.0, -0.2])
+    policy.tracks.known = [
+        Track(number=1, state=place, cov=np.eye(4), radius=0.2, origin=place[:2], born=0.0, seen=0.0, moves=True)
+    ]
+    integrals = list[object]()
+    for shown in (None, None, [], None, [CRATE], None):  # seen before each plan
+        if shown is not None:
+            policy.see(replace(looked(shown, START), time=0.1))
+        policy.observe(START[None], 0.01)
+        plan = policy.plan(START)
+        assert [mover.name for mover in plan.movers] == ["track 1"]
+        assert policy.space.scene.movers == plan.movers
+        integrals.append(policy.path_integral)
+    assert [one is other for one, other in pairwise(integrals)] == [True, False, True, False, True]
 
 
 def test_a_metre_that_nobody_has_seen_costs_what_it_is_said_to():

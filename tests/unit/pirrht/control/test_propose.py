@@ -32,8 +32,8 @@ def wider(x: np.ndarray, default: ProposalControl) -> ProposalControl | None:
 
 
 def test_wider_noise_joins_each_class_and_leaves_the_value_as_it_is():
-    """One state of a hover in `slit`, 1 000 samples per class, seed 1, 4 standard errors."""
-    scenario = prepare("slit", robot="hover", given={"samples": 1000, "vertices": 300})
+    """One state of a unicycle in `slit`, 1 000 samples per class, seed 1, 4 standard errors."""
+    scenario = prepare("slit", robot="unicycle", given={"samples": 1000, "vertices": 300})
     found = []
     for propose in ((), (wider,)):
         task = scenario.problem, scenario.space, scenario.grown_tree(), scenario.sampling

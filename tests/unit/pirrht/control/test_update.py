@@ -1,5 +1,6 @@
 """Obstacles come and go while a controller drives: classes keep their names, and what is known of them goes on."""
 
+import threading
 from itertools import pairwise
 
 import numpy as np
@@ -247,6 +248,27 @@ def test_mppi_drives_by_what_scans_show():
     assert one.space.scene.obstacles
     one.begin(x)
     assert not one.space.scene.obstacles
+
+
+def test_mppi_examines_maps_in_the_background_once_it_has_a_plan(monkeypatch):
+    walls = room([2.0, 2.0, 2.4, 3.0], [1.0, 0.5, 1.4, 1.0]).obstacles
+    one = Mapped(mppi(room()), cell=0.1, background=True)
+    x = one.problem.dynamics.state_of(one.problem.scene.start)
+    threads = list[threading.Thread]()
+    examined = one._examined
+
+    def noted(occupied):
+        threads.append(threading.current_thread())
+        return examined(occupied)
+
+    monkeypatch.setattr(one, "_examined", noted)
+    one.begin(x)
+    for known in (1, 2):
+        one.see(scan_of(walls[:known], np.append(x, 0.0)))
+        one.plan(x)
+    one._pool.shutdown()
+    main = threading.main_thread()
+    assert [thread is main for thread in threads] == [True, False]
 
 
 def test_a_law_that_is_solved_for_one_scene_has_no_other():

@@ -43,7 +43,7 @@ def test_exposure_is_the_chance_of_a_bridge_to_come_near_a_wall_that_it_misses()
 
 
 @pytest.mark.parametrize(
-    ("noise", "margin"), [pytest.param(0.1, 0.0, marks=pytest.mark.slow), (0.2, 0.0), (0.2, 0.004)]
+    ("noise", "margin"), [(0.2, 0.004), *(pytest.param(b, 0.0, marks=pytest.mark.slow) for b in (0.1, 0.2))]
 )
 def test_the_predicted_probability_is_that_of_the_exact_law_held_for_a_physics_step(noise, margin):
     scenario = prepare("slit", margin=margin, noise=noise, samples=500)
@@ -71,7 +71,7 @@ def test_a_risk_raises_a_final_cost_below_the_cost_to_go():
     assert predicted(scenario).most <= 0.005
 
 
-@pytest.mark.parametrize("robot", ["unicycle", "hover"])
+@pytest.mark.parametrize("robot", ["unicycle", pytest.param("hover", marks=pytest.mark.slow)])
 def test_a_held_control_adds_nothing_where_noise_acts_on_derivatives_of_the_position(robot):
     assert predicted(prepare("slit", robot=robot)).most < 1e-6
 

@@ -106,15 +106,14 @@ def test_an_outline_lies_between_inscribed_disc_and_reach_and_turns_with_the_hea
 @pytest.mark.parametrize("excess", [0.003, 0.01])
 def test_discs_of_a_cover_contain_the_polygon_and_reach_no_more_than_the_excess_beyond(shape: Footprint, excess: float):
     hull, discs = shape.hull, cover(shape, excess)
-    points = np.random.default_rng(1).uniform(hull.min(axis=0), hull.max(axis=0), (20_000, 2))
+    points = np.random.default_rng(1).uniform(hull.min(axis=0), hull.max(axis=0), (5_000, 2))
     points = np.vstack((points[depths(hull, points) <= 0.0], hull, 0.5 * (hull + np.roll(hull, 1, axis=0))))
     held = np.hypot(*np.moveaxis(points[:, None] - discs[:, :2], -1, 0)) <= discs[:, 2] - shape.rounding
     assert held.any(axis=1).all()
     assert (discs[:, 2] + depths(hull, discs[:, :2])).max() <= shape.rounding + excess * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("dense", [True, False])
-@pytest.mark.parametrize("shape", [CART, HEXAGON, WEDGE], ids=repr)
+@pytest.mark.parametrize(("shape", "dense"), [(CART, True), (CART, False), (HEXAGON, True), (WEDGE, False)])
 def test_no_clearance_is_unsafe_by_fcl_nor_off_by_more_than_a_centimetre_where_walls_are_near(
     shape: Footprint, dense: bool, monkeypatch
 ):
@@ -217,7 +216,7 @@ def test_motions_that_are_certified_free_are_and_blocked_ones_are_not(kind: str)
     goal = Scene.from_boxes([], lower=(0, 0), upper=(9, 9), start=(1, 1), goal=(8, 8, 0.1), robot_radius=0.1).goal
     arena, rng = World(polygon, (9.0, 9.0), float(goal.radius), None), np.random.default_rng(4)
     found = []
-    for pose in poses_in(world, 300, 11):
+    for pose in poses_in(world, 150, 11):
         bend, length, turn = rng.uniform(-1.5, 1.5), rng.uniform(0.05, 0.6), rng.uniform(-2.0, 2.0)
         share = np.linspace(0.0, 1.0, 200)[:, None]
         ahead = pose[2] + bend * length * share

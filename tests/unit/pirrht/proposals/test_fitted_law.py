@@ -6,20 +6,20 @@ import numpy as np
 
 from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, Scene
 from pirrht.proposals.fitted_law import LawFit, chosen, pooled
-from pirrht.steering.straight_line import Tracked
-from pirrht.systems.double_integrator import DoubleIntegrator
+from pirrht.steering.dubins import Dubins
+from pirrht.systems.unicycle import Unicycle
 
-START = np.array([0.0, -0.35, 0.0, 0.0])  # next to a box that the way to the goal bends around
+START = np.array([0.0, -0.35, 0.5])  # next to a box that the way to the goal bends around
 
 
 def controller(threads: int | None = None) -> Controller:
-    """A mass at rest, below the corner of a box."""
+    """A unicycle below the corner of a box."""
     scene = Scene.from_boxes(
         [[0.8, -1.0, 1.6, 0.0]], lower=(-1.0, -2.0), upper=(3.2, 1.6), start=(0.0, -0.35), goal=(2.4, -0.35, 0.3),
         robot_radius=0.2,
     )  # fmt: skip
-    problem, space = Problem(dynamics=DoubleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
-    tree = HomologyTree(space, Tracked.of(problem, 1.0), limit=0.8, rng=np.random.default_rng(0))
+    problem, space = Problem(dynamics=Unicycle(b=0.3), scene=scene, R=np.eye(1)), FreeSpace.of(scene)
+    tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))
     tree.grow(200)
     made = Controller(problem, space, tree, Sampling(samples=300, threads=threads), rng=np.random.default_rng(1))
     made.begin(START)
@@ -54,7 +54,7 @@ def paths(one, law: np.ndarray, count: int = 40) -> tuple[np.ndarray, np.ndarray
 def test_a_law_that_paths_apply_is_found():
     one = guide()
     L, n, m = one.length, one.dynamics.n, one.dynamics.m
-    change = np.random.default_rng(3).standard_normal((L, n + 1, m)) * [[1.0], [30.0], [30.0], [30.0], [30.0]]
+    change = np.random.default_rng(3).standard_normal((L, n + 1, m)) * [[1.0], [30.0], [30.0], [30.0]]
     own = np.concatenate([one.modes[:L, None, :m], np.swapaxes(one.gains[:L, :m], 1, 2)], axis=1)
     fit = LawFit.of(one, tuning=LawFit.of(one).tuning._replace(fit_rows=0, fit_prior=1e-6))
     fit.learn(paths(one, own + change), np.ones((40, 2)), one, timed=True)

@@ -1,11 +1,15 @@
 """Robots that are driven by forces, and what of them is refused in one line."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from mjcf_samples import ROBOT, refusal, robot_mjcf
 
+from pirrht import OptionError
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.mjcf import load, models_folder
+from sim.mjcf.robot import check_motion
 from sim.scenario import prepare
 
 MOTORS = '<motor name="x" joint="x"/>\n    <motor name="y" joint="y"/>'
@@ -48,7 +52,8 @@ def test_what_a_robot_cannot_do_is_refused_unless_the_plant_is_the_equation(mach
         (('mass="1"', 'mass="2"'), "(1, 0)", "(0.5, 0)"),
         (('data="1 0  0 1"', 'data="0 1  1 0"'), "(1, 0)", "(0, 1)"),
         (('data="1 0  0 1"', 'data="-1 0  0 1"'), "(1, 0)", "(-1, 0)"),
-        (('<joint name="x" ', '<joint name="x" damping="0.1" '), "(0, 0)", "(-0.09998, 0)"),
+        (('<joint name="x" ', '<joint name="x" damping="0.1" '), "(0, 0)", "(-0.1, 0)"),
+        (('<joint name="x" ', '<joint name="x" damping="0.0006" '), "(0, 0)", "(-0.0006, 0)"),
         (('<joint name="y" ', '<joint name="y" armature="1" '), "(0, 1)", "(0, 0.5)"),
         (('integrator="Euler"', 'integrator="Euler" gravity="1 0 0"'), "(0, 0)", "(1, 0)"),
         (('<motor name="x" ', '<motor name="x" gear="3" '), "(1, 0)", "(3, 0)"),
@@ -59,6 +64,28 @@ def test_a_command_that_does_not_accelerate_the_robot_by_itself_is_refusal(tmp_p
     message = refusal("slit", robot=robot(tmp_path, change), by=prepare)
     assert f"the control {control} of hover" in message
     assert f"vx, vy change by {made} per second instead of {control}: make pirrht_command its mass over" in message
+
+
+class Raft(DoubleIntegrator):
+    """A mass of 1 kg in water that brakes it."""
+
+    parameters = np.array([4.0])  # [1/s]
+
+    @staticmethod
+    def drift(x, p, out):
+        out[0], out[1], out[2], out[3] = x[2], x[3], -p[0] * x[2], -p[0] * x[3]
+
+    def twist(self, x, rate):
+        return rate + self.parameters[0] * x[2:]
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_damping_is_that_of_the_equation_however_mujoco_integrates_it(tmp_path, integrator):
+    for damping, fits in (("4", True), ("4.001", False)):
+        changes = [(f'<joint name="{name}" ', f'<joint name="{name}" damping="{damping}" ') for name in "xy"]
+        loaded = load("slit", robot=robot(tmp_path, *changes, ('integrator="Euler"', f'integrator="{integrator}"')))
+        with nullcontext() if fits else pytest.raises(OptionError, match=r"change by \(-4.001, -4.001\) per second"):
+            check_motion(loaded.model, "raft", Raft(b=0.1), loaded.command)
 
 
 def test_mass_and_gear_may_be_any_if_the_command_knows_them(tmp_path):

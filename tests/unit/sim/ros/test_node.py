@@ -8,9 +8,11 @@ import pytest
 
 from pirrht.errors import OptionError
 from sim.ros import messages as ros
+from sim.ros.drawn import samples_of
 from sim.ros.frames import quaternion_of
 from sim.ros.graph import Graph, Quality, checked_name
 from sim.ros.node import STILL, Node, NodeOptions
+from sim.ros.planning import Law as PlannedLaw
 
 AHEAD = (0.7, 0.0, 0.2)
 
@@ -185,7 +187,7 @@ def test_a_plan_that_is_late_stops_the_robot(driving):
         assert driving.tick(0.14, planned=False) == [AHEAD]
     driving.odometry()
     assert driving.tick(0.14, planned=False) == [(0.0, 0.0, 0.0)]
-    assert driving.status.message == "plans are late"
+    assert driving.status.message.startswith("plans are late: they take longer than 0.6 s; raise --period")
 
 
 def test_a_blocked_plan_stops_the_robot(driving):
@@ -308,3 +310,56 @@ def test_names_without_a_slash_in_front_are_in_the_namespace_and_no_interface_is
     assert graph.full("/tf") == "/tf"
     with pytest.raises(OptionError, match="no DDS on the interface nowhere0"):
         Graph(102, interface="nowhere0")
+
+
+def test_an_interface_that_is_none_is_answered_by_those_that_there_are():
+    with pytest.raises(OptionError, match=r"name one of .*\blo\b"):
+        Graph(103, interface="nowhere0")
+
+
+@pytest.mark.parametrize("known", [{"remap": {"scn": "front"}}, {"qualities": {"scn": Quality()}}])
+def test_another_name_or_quality_of_a_topic_that_is_none_is_refused_with_those_that_are(known):
+    graph = Graph(101, **known)
+    graph.subscription("scan", ros.LaserScan)
+    with pytest.raises(OptionError, match="there is no topic /scn; topics are /scan"):
+        graph.check()
+
+
+def test_topics_with_another_name_and_quality_pass():
+    graph = Graph(101, remap={"scan": "front/scan"}, qualities={"scan": Quality()})
+    graph.subscription("scan", ros.LaserScan)
+    graph.check()
+
+
+def test_a_peer_that_is_no_address_is_refused():
+    with pytest.raises(OptionError, match="--peer 'not an address' is no address"):
+        Graph(104, peers=["not an address"])
+
+
+def test_what_is_drawn_of_a_plan_is_taken_back_when_there_is_none(driving):
+    driving.work.law.drawn = False
+    driving.work.law.plan = SimpleNamespace(favourite=None, ids=())
+    driving.odometry()
+    driving.tick(planned=False)
+    driving.work.law = None
+    driving.odometry()
+    driving.tick(planned=False)
+    assert [path.poses for path in driving.wire.topics["plan"].sent] == [[]]
+    for topic in ("pirrht/classes", "pirrht/samples"):
+        assert [[one.action for one in array.markers] for array in driving.wire.topics[topic].sent] == [
+            [ros.DELETE_ALL]
+        ]
+
+
+def test_the_heaviest_samples_are_drawn_as_such_where_none_has_died():
+    paths = [np.zeros((3, 2))]
+    both = SimpleNamespace(heaviest=lambda count: iter([(paths, np.zeros(1)), (paths, np.ones(1))]))
+    alone = SimpleNamespace(heaviest=lambda count: iter([(paths, np.ones(1))]))
+    *_, heaviest = samples_of(both, 5, ros.Header()).markers
+    assert samples_of(alone, 5, ros.Header()).markers[1:] == [heaviest]
+
+
+@pytest.mark.parametrize(("name", "shown"), [("0,0,0,0,1", "+5"), (None, "-")])
+def test_diagnostics_name_a_class_as_the_markers_do(name, shown):
+    plan = SimpleNamespace(favourite=name, fallback=None, estimate=None)
+    assert PlannedLaw(plan, None, 0.0, 0.0, 0.0).figures()["class"] == shown

@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, PirrhtError
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
+from sim.ros.grids import Grid
 from sim.ros.planning import SOON, Law, Pose, Task, Work
 
 PLACE = np.array([1.0, 2.0, 0.6])
@@ -79,3 +80,29 @@ def test_states_are_read_by_their_names_and_unknown_ones_are_refused():
     assert pose.state(("x", "y", "heading", "speed")).tolist() == [1.0, 2.0, 0.6, 0.5]
     with pytest.raises(OptionError, match="odometry does not tell the states charge"):
         pose.state(("x", "charge"))
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"robot": "dffdrive"}, "did you mean diffdrive"),
+        ({"robot": "rover", "footprint": "banana"}, "--footprint is 'banana'"),
+        ({"robot": "puck", "risk": 0.1, "phi": -1.0}, "phi"),
+    ],
+)
+def test_options_that_no_goal_can_be_reached_with_are_refused_before_there_is_one(given, why):
+    with pytest.raises(PirrhtError, match=why):
+        Work(given, 0.25, None, print).check()
+
+
+def test_options_of_a_robot_are_checked_without_a_search_for_its_margin():
+    Work({"robot": "diffdrive", "risk": 0.05, "footprint": "turtlebot4"}, 0.25, None, print).check()
+
+
+def test_a_robot_on_a_wall_of_the_map_is_to_be_driven_off():
+    walls = np.zeros((40, 40), bool)
+    walls[18:23, 18:23] = True
+    task = Task(np.array([3.5, 3.5, 0.25]), Grid(walls=walls, lower=np.zeros(2), cell=0.1))
+    at = Pose(np.array([2.05, 2.05, 0.0]), np.zeros(3), 0.0, 0.0)
+    with pytest.raises(PirrhtError, match=r"touches .*; drive the robot off it"):
+        Work({"robot": "diffdrive"}, 0.25, None, print)._entered(task, at)

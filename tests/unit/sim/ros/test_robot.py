@@ -46,7 +46,7 @@ class Link:
         name = f"{robot}{id(self)}"
         self.graph, theirs = Graph(DOMAIN, namespace=name), Graph(DOMAIN, namespace=name)
         self.remote = Remote(
-            scenario, theirs, lidar=Lidar.of("rays=5,fov=180,sigma=0"), wiring=Wiring(wait=5.0, **wiring),  # type: ignore[arg-type]
+            scenario, theirs, lidar=Lidar.of("rays=19,fov=180,sigma=0"), wiring=Wiring(wait=5.0, **wiring),  # type: ignore[arg-type]
             say=self.lines.append,
         )  # fmt: skip
         stamped = self.remote.wire.wiring.stamped
@@ -136,9 +136,9 @@ def test_map_scan_goal_clock_and_frames_are_those_of_the_scene(tmp_path: Path) -
     assert not np.delete(rows, walls, axis=1).any()
 
     seen = last(scan)
-    assert seen.ranges[2] == pytest.approx(0.6 - x, abs=0.05)
+    assert seen.ranges[9] == pytest.approx(0.6 - x, abs=0.05)
     assert seen.ranges[0] == inf
-    assert np.linspace(seen.angle_min, seen.angle_max, 5)[1] == pytest.approx(seen.angle_min + seen.angle_increment)
+    assert np.linspace(seen.angle_min, seen.angle_max, 19)[1] == pytest.approx(seen.angle_min + seen.angle_increment)
 
     frames = Frames()
     frames.hear(last(static), inf)

@@ -57,17 +57,16 @@ def test_only_what_collides_is_seen_even_if_it_is_transparent(tmp_path):
         '<site name="mark" type="sphere" size=".3" pos="1 0 .1"/>'
     )
     loaded = load(scene_file(tmp_path, world=world))
-    scan = scan_at(loaded, (0, 0, 0), rays=3, fov=90.0)
-    np.testing.assert_allclose(scan.ranges, [np.inf, 3.9, np.inf])
-    low, far = scan_at(loaded, (0, 0, 0), z=0.7, rays=1), scan_at(loaded, (0, 0, 0), most=3.8, rays=1)
-    assert [*low.ranges, *far.ranges] == [np.inf, np.inf]
+    scan = scan_at(loaded, (0, 0, 0), rays=11, fov=90.0)
+    np.testing.assert_allclose(scan.ranges[::5], [np.inf, 3.9, np.inf])
+    assert np.all(scan_at(loaded, (0, 0, 0), most=3.8).ranges == np.inf)
 
 
 def test_a_mount_shifts_and_turns_the_rays(tmp_path):
     loaded = load(scene_file(tmp_path, world='<geom name="wall" type="box" size=".1 3 .3" pos="4 0 .3"/>'))
-    scan = scan_at(loaded, (1.0, 0.5, np.pi / 2), x=0.2, y=0.3, yaw=-np.pi / 2, rays=1, fov=0.0)
-    np.testing.assert_allclose(scan.pose, [0.7, 0.7, 0.0], atol=1e-12)
-    np.testing.assert_allclose(scan.points, [[3.9, 0.7]])
+    scan = scan_at(loaded, (1.0, 0.5, np.pi / 2), x=0.02, y=0.03, yaw=-np.pi / 2, rays=3, fov=2.0)
+    np.testing.assert_allclose(scan.pose, [0.97, 0.52, 0.0], atol=1e-12)
+    np.testing.assert_allclose(scan.points[1], [3.9, 0.52])
 
 
 def test_noise_has_its_deviation_and_what_is_too_near_is_no_free_ray(tmp_path):
@@ -93,9 +92,33 @@ def test_the_default_is_the_lidar_of_barn():
     [
         ("ray=3", "no 'ray'"), ("rays=many", "rays is 'many'"), ("rays=1.5", "rays is 1.5; .* whole"),
         ("fov=nan", "fov"), ("rays=0", "rays is 0"), ("least=40", "below the most, 30"),
+        ("fov=0", "fov is 0.0; .* above 0"), ("rays=1", "rays is 1; .* from 2"), ("rays=27", "write rays=28"),
+        ("rays=5", "67.5 degrees apart.* write rays=28 or more"),
         ("sigma=-1", "sigma"), ("z=inf", "z is inf"), ("rate=0", "rate"), ("rays", "rays is ''"),
     ],
 )  # fmt: skip
 def test_a_text_that_is_no_lidar_is_refused_with_a_reason(text, why):
     with pytest.raises(OptionError, match=why):
         Lidar.of(text)
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"z": 3.0}, "at z=3 the lidar sees no obstacle; one is there at z=0.3"),
+        ({"z": -0.1}, "at z=-0.1 the lidar sees no obstacle"),
+        ({"x": 0.3, "y": -0.4}, r"at x=0.3, y=-0.4; on this robot it is within 0.\d+ m"),
+        ({"most": 0.05}, "most is 0.05 m; it must be above the robot's reach"),
+    ],
+)
+def test_a_lidar_that_sees_nothing_from_where_it_is_is_refused_with_one_that_would_work(tmp_path, given, why):
+    wall = '<geom name="wall" type="box" size=".3 3 .1" pos="4 0 .3" euler="0 90 0"/>'  # from the ground to 0.6 m
+    loaded = load(scene_file(tmp_path, world=wall))
+    with pytest.raises(OptionError, match=why) as caught:
+        scan_at(loaded, (0, 0, 0), **given)
+    assert "\n" not in str(caught.value)
+    assert np.isfinite(scan_at(loaded, (0, 0, 0), z=0.55).ranges).any()
+
+
+def test_a_lidar_may_look_over_a_field_without_obstacles(tmp_path):
+    assert np.all(scan_at(load(scene_file(tmp_path)), (0, 0, 0), z=3.0).ranges == np.inf)
