@@ -31,7 +31,6 @@ from pirrht.systems.dynamics import no_homing
 from pirrht.topology.signature import Classes
 from pirrht.traits import Traits
 
-
 Short = Callable[[], bool] | None  # tells whether time is short; None: it is unlimited
 
 
@@ -175,9 +174,7 @@ class DDPGuidance:
                 chosen.append(one)
         return chosen
 
-    def _fresh(
-        self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Short
-    ) -> list[DDPGuide]:
+    def _fresh(self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Short) -> list[DDPGuide]:
         """Return valid guides from the initialisations of a class; without any, that from the first path."""
         found: list[DDPGuide | None] = []
         for start, stages in self._initialisations(query, paths, thorough):
@@ -264,7 +261,8 @@ class DDPGuidance:
                 length, cost, penalised, sound = improved(course, length, stage)
             if sound and short is not None:
                 break  # the next plan goes on from here
-        if again is not None and length != 0 and not (sound or (short is not None and short())):  # high prices of walls led it astray
+        late = short is not None and short()
+        if again is not None and length != 0 and not (sound or late):  # high prices of walls led it astray
             course, length = again
             length, cost, penalised, sound = improved(course, length, stages[-1])
         if sound and query.setup.world.moving.J == 0:
