@@ -299,9 +299,9 @@ class DDPGuidance:
                 yield warmth, rounds
                 continue
             for _ in range(0, rounds, self.tuning.part):
-                hurried = short()
-                yield warmth, self.tuning.hurried if hurried else self.tuning.part
-                if hurried:
+                late = short()
+                yield warmth, self.tuning.part_short if late else self.tuning.part
+                if late:
                     break
 
     def _paced(

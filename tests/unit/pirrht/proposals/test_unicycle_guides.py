@@ -55,8 +55,8 @@ def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_cl
         assert integral.space.homology.winding(line) == winding
 
 
-@pytest.mark.parametrize(("hurried", "most"), [(False, 12), (True, 2)])
-def test_by_a_clock_guides_are_free_at_once_and_cheaper_from_plan_to_plan_until_they_cost_the_least(hurried, most):
+@pytest.mark.parametrize(("late", "most"), [(False, 12), (True, 2)])
+def test_by_a_clock_guides_are_free_at_once_and_cheaper_from_plan_to_plan_until_they_cost_the_least(late, most):
     integral, times, optima = setting()
     guidance, x = integral.guidance, np.zeros(3)
     optimise, passes = guidance.optimise, list[int]()
@@ -70,7 +70,7 @@ def test_by_a_clock_guides_are_free_at_once_and_cheaper_from_plan_to_plan_until_
         query = guidance.query(x, times, integral.space.homology.key(winding))
         found, costs = list[DDPGuide](), [np.inf]
         for _ in range(30):
-            found = guidance.optima(query, trajectory, found[:1], short=lambda: hurried)
+            found = guidance.optima(query, trajectory, found[:1], short=lambda: late)
             assert found[0].valid
             costs.append(found[0].penalised)
         tolerance = guidance.tuning.tolerance * integral.temperature
