@@ -285,7 +285,7 @@ class ProposalBuilder:
                 alternatives=one.alternatives if thorough else (),
                 thorough=thorough,
                 paces=paces if classes[k] in starts.sampled else (),
-                short=short,
+                short=None if budget.left is None else short,
             )
 
         found = [] if starts.optima else [improved(0)]

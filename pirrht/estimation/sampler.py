@@ -202,7 +202,8 @@ class PathIntegral:
             parts.append(self.rollout(batch.counting(counts.tolist()), round_seed(seed, len(parts))))
 
         most = tuning.most / max(1.0, float(number.sum()))
-        first = 1.0 if left is None else tuning.first_round
+        changing = self.moving or self.space.grain is not None
+        first = tuning.first_round if left is not None and changing else 1.0
         begun = math.inf if left is None else left()
         draw(first, fewest=0 if left is None else 1)
         if left is not None:

@@ -18,7 +18,7 @@ class EstimationTuning(NamedTuple):
     negligible: float = 1e-6  # weights below this add nothing to a control sequence, so that few samples are replayed
 
     filled: float = 0.6  # share of the time left for the next round of samples; the rest is for rounds that take longer
-    first_round: float = 0.1  # share of samples drawn first by the clock: the rest of a plan takes time too
+    first_round: float = 0.1  # share of samples drawn first by the clock in a world that changes: the rest takes time
     first_plan: int = 64  # multiple of a plan's samples for the first plan of an episode, at most (`Sampling.least`)
     saved: float = 12.0  # multiples of a plan's samples that later plans save for those below `few` effective samples
     later_plan: float = 24.0  # multiple of a plan's samples for a later plan of an episode, at most

@@ -31,6 +31,8 @@ from pirrht.systems.dynamics import no_homing
 from pirrht.topology.signature import Classes
 from pirrht.traits import Traits
 
+Short = Callable[[], bool] | None  # tells whether time is short; None: it is unlimited
+
 
 class Query(NamedTuple):
     """A class, by its additive key, at one state (n,) and time."""
@@ -129,7 +131,7 @@ class DDPGuidance:
     def optima(
         self, query: Query, reference: Trajectory, last: Sequence[DDPGuide] = (), elapsed: float = 0.0, *,
         alternatives: Sequence[Trajectory] = (), thorough: bool = False, paces: Sequence[float] = (),
-        short: Callable[[], bool] = lambda: False,
+        short: Short = None,
     ) -> list[DDPGuide]:  # fmt: skip
         """Return the local optima of a class that have some weight, best first; none if none arrives within the time.
 
@@ -139,7 +141,7 @@ class DDPGuidance:
         valid is found, samples follow what the reference led to. Nothing more is improved once time is `short`.
         """
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
-        found = [self._from(query, start, self.tuning.warm, paces=paces) for start in starts]
+        found = [self._from(query, start, self.tuning.warm, short, paces) for start in starts]
         first = found[0] if found else None
 
         if first is None or not (first.valid or self._in_margin(query)):
@@ -172,13 +174,11 @@ class DDPGuidance:
                 chosen.append(one)
         return chosen
 
-    def _fresh(
-        self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Callable[[], bool]
-    ) -> list[DDPGuide]:
+    def _fresh(self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Short) -> list[DDPGuide]:
         """Return valid guides from the initialisations of a class; without any, that from the first path."""
         found: list[DDPGuide | None] = []
         for start, stages in self._initialisations(query, paths, thorough):
-            if found and short():
+            if found and short is not None and short():
                 break
             found.append(self._from(query, start, stages, short, self.tuning.paces))
             if not thorough and (found[0] is None or (found[-1] is not None and found[-1].valid)):
@@ -235,7 +235,7 @@ class DDPGuidance:
 
     def _from(
         self, query: Query, start: tuple[Course, int], stages: Sequence[Stage],
-        short: Callable[[], bool] = lambda: False, paces: Sequence[float] = (),
+        short: Short = None, paces: Sequence[float] = (),
     ) -> DDPGuide | None:  # fmt: skip
         """Improve a course stage by stage, as long as there is time, and make a guide of it."""
         course, length = start
@@ -250,18 +250,19 @@ class DDPGuidance:
 
         def improved(course: Course, length: int, stage: Stage) -> tuple[int, float, float, bool]:
             warmth, rounds = stage
-            most = 0 if short() else rounds
-            task = self.tasks[warmth]
             found: tuple[int, float, float, bool]
-            found = self.optimise(setup, classes, task, clock, query.key, most, course, length)
+            found = self.optimise(setup, classes, self.tasks[warmth], clock, query.key, rounds, course, length)
             return found
 
         begun = course.control[0].copy()
         again = (Course(*map(np.copy, course)), length) if len(stages) > 1 else None
-        for stage in stages:
+        for stage in self._parts(stages, short):
             if length > 0:
                 length, cost, penalised, sound = improved(course, length, stage)
-        if again is not None and length != 0 and not sound and not short():  # high prices of walls led it astray
+            if sound and short is not None:
+                break  # the next plan goes on from here
+        late = short is not None and short()
+        if again is not None and length != 0 and not (sound or late):  # high prices of walls led it astray
             course, length = again
             length, cost, penalised, sound = improved(course, length, stages[-1])
         if sound and query.setup.world.moving.J == 0:
@@ -291,9 +292,21 @@ class DDPGuidance:
             length=end, cost=cost, penalised=penalised, valid=bool(sound), drift=drift, bend=bend,
         )  # fmt: skip
 
+    def _parts(self, stages: Sequence[Stage], short: Short) -> Iterator[Stage]:
+        """Yield stages; by a clock in parts, so that no optimisation takes long, and one of each once time is short."""
+        for warmth, rounds in stages:
+            if short is None:
+                yield warmth, rounds
+                continue
+            for _ in range(0, rounds, self.tuning.part):
+                late = short()
+                yield warmth, self.tuning.part_short if late else self.tuning.part
+                if late:
+                    break
+
     def _paced(
         self, query: Query, course: Course, found: tuple[int, float, float, bool], paces: Sequence[float],
-        short: Callable[[], bool],
+        short: Short,
     ) -> tuple[Course, tuple[int, float, float, bool]]:  # fmt: skip
         """Improve a course from itself at other paces, each as often as it gains.
 
@@ -301,7 +314,7 @@ class DDPGuidance:
         """
         task, rounds = self.tasks[1.0], self.tuning.paced
         for pace in paces:
-            while found[0] > 0 and not short():
+            while found[0] > 0 and not (short is not None and short()):
                 other, length = self.starts.retimed(course, found[0], query.times, query.times, pace=pace)
                 other.states[0] = query.x
                 better = self.optimise(query.setup, query.classes, task, query.clock, query.key, rounds, other, length)

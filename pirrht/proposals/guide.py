@@ -204,10 +204,11 @@ class Initialisation:
         """Start from the controls of a reference from x (n,)."""
         d, state = self.dynamics, x
         course = empty_course(len(times) - 1, d.n, self.width)
-        for i, u in enumerate(trajectory.tape(times)):
+        length = min(int(np.searchsorted(times, trajectory.durations.sum())), len(times) - 1)
+        for i, u in enumerate(trajectory.tape(times[: length + 1])):
             course.control[i, : d.m] = d.to_noise(state, u)
             state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
-        return course, min(int(np.searchsorted(times, trajectory.durations.sum())), len(times) - 1)
+        return course, length
 
     def perturbed(self, control: Array, length: int, times: Array) -> Iterator[tuple[Course, int]]:
         """Start from controls (T, modes), the first of them perturbed: to turn the other way, to brake, to reverse."""

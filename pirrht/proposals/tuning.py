@@ -11,6 +11,8 @@ class ProposalTuning(NamedTuple):
     # Stages of an optimisation: more passes cost time; fewer leave guides short of their optimum in narrow passages.
     cold: tuple[Stage, ...] = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference
     warm: tuple[Stage, ...] = ((1.0, 8),)  # from the last guide, which is near its optimum
+    part: int = 8  # passes, by a clock, after which a guide that is free and in its class is left to the next plan
+    part_short: int = 2  # passes of a stage once time is short
     widest_layer: float = 2.0  # radii of walls; stages with a wider boundary layer are left out, but for the last
     perturbed: tuple[Stage, ...] = ((1.0, 60),)  # from another start of the same class
     paces: tuple[float, ...] = (

@@ -349,11 +349,12 @@ class Scenario:
     ) -> Generator[Frame]:  # fmt: skip
         """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; see `episode.run`."""
         s = self.settings
+        grow = 0 if s.grow is None and isinstance(driver, Mapped) else s.grow  # the next map's tree is another one
         if isinstance(driver, Mapped) and isinstance(plant, Executor) and plant.senses is not None:
             driver.sensor = plant.senses
         return episode.run(
             plant, driver, self.start if start is None else start, rng or self.plant_rng(), max_time=s.max_time,
-            grow=s.grow, clock=Clock() if s.real_time else None, grid=grid, risk=self.collisions,
+            grow=grow, clock=Clock() if s.real_time else None, grid=grid, risk=self.collisions,
         )  # fmt: skip
 
 

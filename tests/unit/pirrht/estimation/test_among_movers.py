@@ -26,9 +26,11 @@ from pirrht import (
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 
 
-def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: object) -> PathIntegral:
+def sampler(
+    scene: Scene, b: float = 0.3, phi: float = np.inf, grain: float | None = None, **settings: object
+) -> PathIntegral:
     problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi)
-    return path_integral(problem, FreeSpace.of(scene), Sampling(threads=1, **settings))
+    return path_integral(problem, FreeSpace.of(scene, grain), Sampling(threads=1, **settings))
 
 
 def held(integral: PathIntegral, x: np.ndarray, control: np.ndarray, count: int, time: float = 0.0, T: int = 60):
@@ -76,13 +78,15 @@ def test_the_key_of_a_sampled_path_is_that_of_its_winding():
     assert len(seen) > 4
 
 
-def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all():
-    integral = sampler(SCENES["crossing"]())
+@pytest.mark.parametrize(("moving", "grain", "few"), [(True, None, 44), (False, 0.1, 44), (False, None, 440)])
+def test_in_a_world_that_changes_a_plan_without_time_draws_a_tenth_of_its_samples(moving, grain, few):
+    scene = SCENES["crossing"]()
+    integral = sampler(scene if moving else replace(scene, movers=()), grain=grain)
     times = integral.steps(3.0)
     tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
     proposals = tuple(Proposal(lead=tape, count=count) for tape, count in zip(tapes, (400, 40), strict=True))
     batch = Batch(state=np.array([5.0, 2.5]), times=times, proposals=proposals)
-    assert [part.size for part in integral.sample(batch, 0, left=lambda: 0.0).parts] == [44]
+    assert [part.size for part in integral.sample(batch, 0, left=lambda: 0.0).parts] == [few]
     assert [part.size for part in integral.sample(batch, 0).parts] == [440]
     assert (
         sum(part.size for part in integral.sample(batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440

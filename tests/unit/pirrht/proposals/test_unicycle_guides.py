@@ -15,6 +15,7 @@ from guides import best, valid
 from trees import grown
 
 from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, Unicycle, path_integral
+from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Trajectory, running_cost
 
 Found = tuple[Trajectory, tuple[int, ...]]
@@ -52,6 +53,30 @@ def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_cl
         line = polyline(guide)
         assert integral.space.collision.clearance(np.vstack([line, 0.5 * (line[1:] + line[:-1])])).min() > 0.0
         assert integral.space.homology.winding(line) == winding
+
+
+@pytest.mark.parametrize(("late", "most"), [(False, 12), (True, 2)])
+def test_by_a_clock_guides_are_free_at_once_and_cheaper_from_plan_to_plan_until_they_cost_the_least(late, most):
+    integral, times, optima = setting()
+    guidance, x = integral.guidance, np.zeros(3)
+    optimise, passes = guidance.optimise, list[int]()
+
+    def counted(*arguments):
+        passes.append(arguments[5])
+        return optimise(*arguments)
+
+    guidance.optimise = counted
+    for optimum, (trajectory, winding) in zip(optima, case(True, 0.03, 4.5)[2], strict=True):
+        query = guidance.query(x, times, integral.space.homology.key(winding))
+        found, costs = list[DDPGuide](), [np.inf]
+        for _ in range(30):
+            found = guidance.optima(query, trajectory, found[:1], short=lambda: late)
+            assert found[0].valid
+            costs.append(found[0].penalised)
+        tolerance = guidance.tuning.tolerance * integral.temperature
+        assert np.all(np.diff(costs) < tolerance)
+        assert costs[-1] == pytest.approx(optimum.penalised, abs=5.0 * tolerance)
+    assert max(passes) == most
 
 
 def test_a_guide_is_a_minimum_of_what_it_minimises():
