@@ -55,7 +55,7 @@ class ControlTuning(NamedTuple):
     regrown: float = 0.6  # share left at which growth of a new tree of `few_vertices` stops, so that sampling follows
     few_vertices: int = 100  # vertices of a tree that usually has all classes of the bundled scenes
     before_samples: float = 0.6  # share for guides and references; more of it leaves too few samples
-    mapping: float = 0.025  # time that a plan leaves to the map that is examined meanwhile
+    mapping: float = 0.015  # time that a plan leaves to the map that is examined meanwhile
     # Mixture of classes between plans
     memory: float = 0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes
     stale: float = 0.05  # time after which the gradient of a class without samples is no longer trusted
