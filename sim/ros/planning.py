@@ -233,8 +233,8 @@ class Work:
         self._scenario = scenario
         self._begin(self.poses[-1])
         if not self.sees:
-            self._driver.plan(self._state(self.poses[-1]))  # the first one takes long
-            self._begin(self.poses[-1])
+            self._driver.plan(self._state(self.poses[-1]))  # the first one takes long, and its guides serve the next
+            self._last = self.poses[-1].came
         self._built = task
 
     @property
