@@ -23,7 +23,7 @@ from sim.ros.drawn import classes_of, path_of, samples_of
 from sim.ros.frames import Frames, composed, planar
 from sim.ros.graph import LATCHED, RELIABLE, SENSOR, Graph, Quality, Subscription
 from sim.ros.grids import Grid
-from sim.ros.planning import Law, Pose, Task, Work
+from sim.ros.planning import PLANNING, STARTING, Law, Pose, Task, Work
 
 TICK = 0.02  # between two looks at what is late [s]
 STILL = 1.0  # for which a robot that shall stand is commanded to [s]
@@ -31,7 +31,7 @@ SHOWN = 0.2  # between two drawings of a plan [s]
 SAID = 1.0  # between two diagnostics without news [s]
 FRAMES = Quality(depth=100)
 OK, WARNING, ERROR = 0, 1, 2
-FINE = ("driving", "no goal", "arrived", "planning")
+FINE = ("driving", "no goal", "arrived", PLANNING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +47,10 @@ class NodeOptions:
     max_speed: float = inf  # [m/s]
     max_turn: float = inf  # [rad/s]
     samples_drawn: int = 30  # paths of each kind
+
+    def __post_init__(self) -> None:
+        if not (self.map_frame and self.base_frame):
+            raise OptionError("--map-frame or --base-frame has no name; the usual ones are map and base_link")
 
 
 class Node:
@@ -255,16 +259,18 @@ class Node:
         """Return why the robot stands; None: it drives."""
         law = self.work.law
         late = self.options.late + self.work.period
+        if self._goal is None and self._arrived_at is not None and not self._wrong:
+            return "arrived"
         if lacking := self._lacking(now):
             return lacking
-        if self._goal is None:
-            return "arrived" if self._arrived_at is not None else "no goal"
+        if self._goal is None and self.work.doing != STARTING:
+            return "no goal"
         if self.work.trouble:
             return self.work.trouble
         if law is None:
-            return "planning"
+            return self.work.doing
         if now - law.made > late:
-            return f"plans are late: they take longer than {late:g} s; raise --period, or take fewer --samples"
+            return f"plans are late: they take longer than {late:g} s; raise --period or --dt"
         return "blocked: no way is free" if law.blocked else None
 
     def _lacking(self, now: float) -> str:
@@ -327,6 +333,11 @@ class Node:
         for trouble in self.graph.troubles():
             self.say(trouble)
         level = OK if status in FINE else ERROR if self._wrong or self.work.trouble else WARNING
+        if status == self.work.doing:
+            status += f", {time.monotonic() - self.work.since:.0f} s so far"
+        elif status == "driving" and law is not None and law.doubtful:
+            level = WARNING
+            status = f"driving, {ros.DOUBTFUL}"
         values = [ros.KeyValue(key, value) for key, value in ({} if law is None else law.figures()).items()]
         found = ros.DiagnosticStatus(level, "pirrht: planner", status, "", values)
         self._diagnostics.publish(ros.DiagnosticArray(self._header(""), [found]))

@@ -12,6 +12,7 @@ from sim.ros.drawn import samples_of
 from sim.ros.frames import quaternion_of
 from sim.ros.graph import Graph, Quality, checked_name
 from sim.ros.node import STILL, Node, NodeOptions
+from sim.ros.planning import PLANNING, SEARCHING, STARTING
 from sim.ros.planning import Law as PlannedLaw
 
 AHEAD = (0.7, 0.0, 0.2)
@@ -47,7 +48,7 @@ class Wire:
 
 
 class Law:
-    blocked = False
+    blocked = doubtful = False
     drawn = True
 
     def __init__(self, made):
@@ -66,7 +67,17 @@ class Robot:
     def __init__(self, sees=False, **options):
         self.wire = Wire()
         self.work = SimpleNamespace(
-            sees=sees, radius=0.25, period=0.1, task=None, law=None, trouble="", poses=deque(), scans=deque(), anew=0
+            sees=sees,
+            radius=0.25,
+            period=0.1,
+            task=None,
+            law=None,
+            trouble="",
+            doing=PLANNING,
+            since=0.0,
+            poses=deque(),
+            scans=deque(),
+            anew=0,
         )
         self.work.begin_anew = lambda: setattr(self.work, "anew", self.work.anew + 1)
         self.said = []
@@ -226,6 +237,42 @@ def test_in_the_goal_the_robot_stands_and_a_goal_that_is_said_again_changes_noth
     driving.tick()
     driving.odometry(x=3.8)
     assert driving.tick() == [AHEAD]
+
+
+def test_a_robot_that_has_arrived_has_until_there_is_another_goal(driving):
+    driving.odometry(x=3.8)
+    driving.tick()
+    driving.tick(1.0)
+    assert driving.status.message == "arrived"
+    driving.goal(x=2.0)
+    driving.tick(1.0)
+    assert driving.status.message == "odometry is late"
+
+
+def test_diagnostics_warn_of_a_plan_that_rests_on_few_effective_samples(driving):
+    driving.work.law.doubtful = True
+    driving.work.law.made = driving.now + 1.0
+    driving.odometry()
+    assert driving.tick(1.1, planned=False) == [AHEAD]
+    assert (driving.status.level, driving.status.message) == (1, "driving, few effective samples")
+
+
+@pytest.mark.parametrize("doing", [STARTING, SEARCHING])
+def test_diagnostics_tell_for_how_long_a_robot_stands_for_compiling_or_a_search(doing):
+    robot = Robot()
+    robot.work.doing = doing
+    robot.map()
+    robot.goal()
+    robot.odometry()
+    robot.tick(planned=False)
+    assert robot.status.message.startswith(f"{doing}, ")
+    assert robot.status.level == 1
+    assert doing in robot.said
+
+
+def test_frames_without_a_name_are_refused():
+    with pytest.raises(OptionError, match="the usual ones are map and base_link"):
+        NodeOptions(map_frame="")
 
 
 def test_a_map_that_is_late_stops_the_robot_if_that_is_asked_for():
