@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from pirrht.errors import OptionError
+from pirrht.plotting.colors import ClassColors
 from sim.ros import messages as ros
-from sim.ros.drawn import samples_of
+from sim.ros.drawn import classes_of, samples_of
 from sim.ros.frames import quaternion_of
 from sim.ros.graph import Graph, Quality, checked_name
 from sim.ros.node import STILL, Node, NodeOptions
@@ -404,6 +405,18 @@ def test_the_heaviest_samples_are_drawn_as_such_where_none_has_died():
     alone = SimpleNamespace(heaviest=lambda count: iter([(paths, np.ones(1))]))
     *_, heaviest = samples_of(both, 5, ros.Header()).markers
     assert samples_of(alone, 5, ros.Header()).markers[1:] == [heaviest]
+
+
+def test_names_of_classes_without_weight_are_readable_and_lines_lie_above_the_map():
+    path = SimpleNamespace(trajectory=SimpleNamespace(points=np.arange(40.0).reshape(20, 2)))
+    plan = SimpleNamespace(ids=("0,1", "1,0"), references=(path, path), weights=lambda: {"0,1": 1.0})
+    _, *markers = classes_of(plan, ClassColors(), ros.Header()).markers
+    lines = [one for one in markers if one.ns == "classes"]
+    names = [one for one in markers if one.ns == "names"]
+    assert [one.color.a for one in names] == [1.0, 1.0]
+    assert names[0].pose.position != names[1].pose.position
+    assert lines[1].color.a < lines[0].color.a == 1.0
+    assert all(point.z > 0.0 for line in lines for point in line.points)
 
 
 @pytest.mark.parametrize(("name", "shown"), [("0,0,0,0,1", "+5"), (None, "-")])
