@@ -173,6 +173,8 @@ class Work:
         robot = self.given.get("robot") or fit[0]
         if robot in robots and robot not in fit:
             raise OptionError(f"{robot} does not drive on the ground; choose --robot {', '.join(fit)} or an MJCF file")
+        if self.given.get("method") == "passive":
+            raise OptionError("--method passive knows no path and hits walls; choose another to drive a robot")
         still = Pose(np.zeros(3), np.zeros(3), 0.0, 0.0)
         task = Task(SOMEWHERE, None)
         self._checked = Work({**self.given, "risk": None}, 1.0, None, self.say)._entered(task, still)
