@@ -53,7 +53,8 @@ def classes_of(plan: Plan, colors: ClassColors, header: Header) -> MarkerArray:
         place = points[int(len(points) * (0.5 + 0.4 * number / len(plan.ids)))]  # classes share much of their paths
         markers.append(Marker(
             header, "names", number, TEXT, pose=Pose(Point(float(place[0]), float(place[1]), LETTERS)),
-            scale=Vector3(z=LETTERS), color=tinted(colors[name], 1.0), text=f"{formatting.turns(name)}: {formatting.share(share)}",
+            scale=Vector3(z=LETTERS), color=tinted(colors[name], 1.0),
+            text=f"{formatting.turns(name)}: {formatting.share(share)}",
         ))  # fmt: skip
     return MarkerArray(markers)
 

@@ -177,7 +177,8 @@ class Work:
             raise OptionError("--method passive knows no path and hits walls; choose another to drive a robot")
         still = Pose(np.zeros(3), np.zeros(3), 0.0, 0.0)
         task = Task(SOMEWHERE, None)
-        self._checked = Work({**self.given, "risk": None}, 1.0, None, self.say)._entered(task, still)
+        given = self.given if self.sees else {**self.given, "risk": None}  # which would be a search
+        self._checked = Work(given, 1.0, None, self.say)._entered(task, still)
         still.state(self._checked.system.states)
 
     def start(self) -> None:

@@ -91,6 +91,7 @@ def test_states_are_read_by_their_names_and_unknown_ones_are_refused():
         ({"robot": "rover", "footprint": "banana"}, "--footprint is 'banana'"),
         ({"robot": "puck", "risk": 0.1, "phi": -1.0}, "phi"),
         ({"robot": "diffdrive", "method": "passive"}, "--method passive knows no path"),
+        ({"robot": "diffdrive", "sense": "lidar", "risk": 0.1}, "leave it out with --sense lidar"),
         ({"robot": "ball"}, "ball does not drive on the ground; choose --robot .*rover, .*or an MJCF file"),
     ],
 )
