@@ -77,6 +77,7 @@ class Node:
         self._grid: Grid | None = None
         self._map_came = -inf
         self._scan_came = -inf
+        self._ahead: float | None = None  # this machine's clock of that of scans [s]
         self._wrong = dict[str, str]()  # what is wrong, by the topic it came with
         self._status = ""
         self._moving = False
@@ -149,7 +150,7 @@ class Node:
                 self._try(self._map.name, self._take_map, grid)
         for scan in [] if self._scans is None else self._scans.take():
             self._scan_came = now
-            self._try("scan", self._take_scan, scan)
+            self._try("scan", self._take_scan, scan, now)
         for goal in self._goals.take()[-1:]:
             self._try(self._goals.name, self._take_goal, goal)
         if self._cancels.take():
@@ -225,11 +226,12 @@ class Node:
         self._pose = pose
         if last is not None and stamp < last.stamp:
             self.work.begin_anew()
+            self._ahead = None
             self._frames.forget()
             raise OptionError(f"time goes backwards, from {last.stamp:.3f} to {stamp:.3f} s; the run begins anew")
         self.work.poses.append(pose)
 
-    def _take_scan(self, message: ros.LaserScan) -> None:
+    def _take_scan(self, message: ros.LaserScan, now: float) -> None:
         at = self._in_map(message.header, self.options.base_frame)
         ranges = np.array(message.ranges)
         angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
@@ -238,7 +240,9 @@ class Node:
         ranges[np.isnan(ranges) | (ranges < message.range_min)] = -inf
         ranges[ranges > message.range_max] = inf
         stamp = message.header.stamp.seconds
-        self.work.scans.append(Scan(pose=at, angles=angles, ranges=ranges, most=message.range_max, time=stamp))
+        self._ahead = now - stamp if self._ahead is None else self._ahead
+        scan = Scan(pose=at, angles=angles, ranges=ranges, most=message.range_max, time=stamp + self._ahead)
+        self.work.scans.append(scan)
 
     def _arrive(self) -> None:
         self._arrived_at = self._goal

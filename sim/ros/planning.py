@@ -164,6 +164,7 @@ class Work:
         self._scenario: Scenario | None = None
         self._checked: Scenario | None = None
         self._last = 0.0  # time of the pose of the last plan [s]
+        self._began = 0.0  # that of the first [s]
         self._thread = Thread(target=self._run, name="planner", daemon=True)
 
     def check(self) -> None:
@@ -280,7 +281,7 @@ class Work:
         self.poses.clear()
         self.poses.append(pose)
         self._driver.begin(self._state(pose))
-        self._last = pose.came
+        self._last = self._began = pose.came
 
     def _planned(self, began: float) -> Law:
         """Plan at the newest pose."""
@@ -294,7 +295,8 @@ class Work:
         if isinstance(self._driver, Mapped):
             with suppress(IndexError):
                 while True:
-                    self._driver.see(self.scans.popleft())
+                    scan = self.scans.popleft()
+                    self._driver.see(replace(scan, time=scan.time - self._began))  # on the clock of the run
         until = began + SHARE * self.period
         plan = self._driver.plan(self._state(pose), lambda: until - time.monotonic())
         made = time.monotonic()

@@ -306,6 +306,7 @@ def test_a_robot_with_a_lidar_needs_scans_and_sees_where_its_frame_is():
     (seen,) = robot.work.scans
     np.testing.assert_allclose(seen.pose, [1.3, 1.0, np.pi / 2], atol=1e-9)
     assert seen.ranges.tolist() == [2.0, np.inf, -np.inf, -np.inf, np.inf]
+    assert seen.time == pytest.approx(robot.now)
     robot.odometry()
     assert robot.tick() == [AHEAD]
     robot.odometry()

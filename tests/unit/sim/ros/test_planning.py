@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pirrht.errors import OptionError, PirrhtError
+from pirrht.mapping.scan import Scan
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar
@@ -150,6 +151,23 @@ def test_the_first_plan_of_a_goal_keeps_its_guides_for_the_next(monkeypatch):
     work.poses.append(Pose(PLACE, VELOCITY, 0.0, 1.0))
     work._prepare(Task(np.array([4.0, 1.0, 0.25]), None))
     assert called == ["begin", "plan"]
+
+
+def test_scans_are_on_the_clock_of_the_run_by_which_moving_obstacles_are_predicted(monkeypatch):
+    seen = []
+    begun = SimpleNamespace(
+        begin=lambda x: None, see=lambda scan: seen.append(scan.time), observe=lambda states, duration: None,
+        plan=lambda x, left: SimpleNamespace(),
+    )  # fmt: skip
+    monkeypatch.setattr(planning, "Mapped", SimpleNamespace)
+    work = Work({"sense": "lidar"}, 0.25, None, print)
+    work._driver = begun
+    work._scenario = SimpleNamespace()
+    work._state = lambda pose: pose.place
+    work._begin(Pose(PLACE, VELOCITY, 70.0, 1000.0))
+    work.scans.append(Scan(pose=PLACE, angles=np.zeros(1), ranges=np.ones(1), most=9.0, time=1000.5))
+    work._planned(time.monotonic())
+    assert seen == [0.5]
 
 
 def test_a_robot_on_a_wall_of_the_map_is_to_be_driven_off():
