@@ -250,6 +250,7 @@ class Work:
             self._built = task
             return
         self.law = None
+        self.trouble = ""
         self._built = None
         self._begin_doing(PLANNING if self.given.get("risk") is None else SEARCHING)
         scenario = self._entered(task, x)
@@ -262,7 +263,9 @@ class Work:
         self._begin(self.poses[-1])
         if not self.sees:
             self._driver.plan(self._state(self.poses[-1]))  # the first one takes long, and its guides serve the next
-            self._last = self.poses[-1].came
+            pose = self.poses[-1]
+            self._driver.observe(self._state(pose), 0.0)
+            self._last = pose.came
         self._built = task
 
     def _begin_doing(self, what: str) -> None:

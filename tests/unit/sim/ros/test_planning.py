@@ -142,15 +142,20 @@ def test_another_goal_ends_the_search_for_a_margin_before_the_next_candidate(mon
 
 def test_the_first_plan_of_a_goal_keeps_its_guides_for_the_next(monkeypatch):
     called = []
-    driver = SimpleNamespace(begin=lambda x: called.append("begin"), plan=lambda x: called.append("plan"))
+    driver = SimpleNamespace(
+        begin=lambda x: called.append("begin"), plan=lambda x: called.append("plan"),
+        observe=lambda x, duration: called.append(f"observe for {duration:g} s"),
+    )  # fmt: skip
     settings = SimpleNamespace(method="mppi")
     scenario = SimpleNamespace(settings=settings, driver=lambda tree: driver)
     work = Work({}, 0.25, None, print)
     work._entered = lambda task, pose: scenario
     work._state = lambda pose: pose.place
     work.poses.append(Pose(PLACE, VELOCITY, 0.0, 1.0))
+    work.trouble = "the goal before lies in a wall"
     work._prepare(Task(np.array([4.0, 1.0, 0.25]), None))
-    assert called == ["begin", "plan"]
+    assert called == ["begin", "plan", "observe for 0 s"]
+    assert work.trouble == ""
 
 
 def test_scans_are_on_the_clock_of_the_run_by_which_moving_obstacles_are_predicted(monkeypatch):
