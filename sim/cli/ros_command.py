@@ -23,11 +23,12 @@ def ros(arguments: argparse.Namespace) -> int:
     if workspace is not None and len(workspace) != 4:
         raise OptionError("--workspace must be X0 X1 Y0 Y1, of a robot on the ground")
     known: Any = {name: getattr(arguments, name) for name in NODE}
+    options_of_node = NodeOptions(**known)
     work = Work(given, arguments.goal_radius, None if workspace is None else np.array(workspace), say)
     work.check()
     notice()
     graph = Graph.of(**{name: getattr(arguments, name) for name in OPTIONS})
-    node = Node(graph, work, NodeOptions(**known), lambda line: print(line, flush=True))
+    node = Node(graph, work, options_of_node, lambda line: print(line, flush=True))
     graph.check()
     try:
         node.run(lambda: arguments.once and node.arrived > 0)

@@ -33,6 +33,7 @@ MOVED, TURNED = 0.05, 0.1  # from which on an obstacle has moved [m], [rad]
 DEVIATION = 0.01  # of straight lines between rows from a track, at most [m]
 UNIT = 0.1  # by which the norm of a rotation may be off
 AROUND = 1.0  # of what is known, where there is no map [m]
+OURS = ("/pirrht/scene",)  # of several topics, in files of `pirrht export`
 NONE = -1, 0  # ids of obstacles that are not tracked
 SHAPES = {1: "box", 2: "sphere", 3: "cylinder"}  # of types of markers
 
@@ -89,7 +90,7 @@ def _chosen(path: Path, connections: Sequence[Any], topics: Sequence[str]) -> di
         mine = [one for one in connections if one.msgtype in types]
         names = sorted({one.topic for one in mine})
         if len(names) > 1:
-            names = [name for name in names if name in topics] or names
+            names = [name for name in names if name in (topics or OURS)] or names
         if len(names) > 1:
             raise OptionError(f"{path}: several topics have {what}: {listed(names, 20)}; choose one with --topic")
         chosen[what] = [one for one in mine if one.topic in names]

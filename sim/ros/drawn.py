@@ -50,10 +50,11 @@ def classes_of(plan: Plan, colors: ClassColors, header: Header) -> MarkerArray:
         color = tinted(colors[name], FAINT + (1.0 - FAINT) * share)
         points = reference.trajectory.points
         markers.append(_line("classes", number, LINE_STRIP, points, THICK, color, header))
-        middle = points[len(points) // 2]
+        place = points[int(len(points) * (0.5 + 0.4 * number / len(plan.ids)))]  # classes share much of their paths
         markers.append(Marker(
-            header, "names", number, TEXT, pose=Pose(Point(float(middle[0]), float(middle[1]), LETTERS)),
-            scale=Vector3(z=LETTERS), color=color, text=f"{formatting.turns(name)}: {formatting.share(share)}",
+            header, "names", number, TEXT, pose=Pose(Point(float(place[0]), float(place[1]), LETTERS)),
+            scale=Vector3(z=LETTERS), color=tinted(colors[name], 1.0),
+            text=f"{formatting.turns(name)}: {formatting.share(share)}",
         ))  # fmt: skip
     return MarkerArray(markers)
 
@@ -78,5 +79,5 @@ def tinted(color: Color, opacity: float) -> ColorRGBA:
 def _line(
     group: str, number: int, kind: int, points: Iterable[Array], width: float, color: ColorRGBA, header: Header
 ) -> Marker:  # fmt: skip
-    places = [Point(float(x), float(y), 0.0) for x, y, *_ in points]
+    places = [Point(float(x), float(y), width) for x, y, *_ in points]  # above the map
     return Marker(header, group, number, kind, scale=Vector3(x=width), color=color, points=places)

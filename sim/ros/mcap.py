@@ -154,7 +154,7 @@ def _numbers(recording: Recording) -> Iterator[Sent]:
         weights = zip(cells.get("classes") or [], cells.get("weights") or [], strict=False)
         values |= {f"weight {name}": weight for name, weight in weights}
         doubtful = bool((cells.get("doubtful") or [0.0])[0])
-        message = "few effective samples" if doubtful else ""
+        message = ros.DOUBTFUL if doubtful else ""
         texts = [ros.KeyValue(name, v if isinstance(v, str) else f"{v:.10g}") for name, v in values.items()]
         status = ros.DiagnosticStatus(int(doubtful), "pirrht", message, "", texts)
         yield time, "/diagnostics", ros.DiagnosticArray(_header(time, ""), [status])

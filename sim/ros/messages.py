@@ -308,6 +308,7 @@ class Marker(IdlStruct, typename="visualization_msgs.msg.dds_.Marker_"):
 LINE_STRIP, LINE_LIST, CYLINDER, TEXT = 4, 5, 3, 9  # types of markers
 CUBE, SPHERE, TRIANGLE_LIST = 1, 2, 11
 DELETE_ALL = 3  # an action of markers
+DOUBTFUL = "few effective samples"  # of a plan; diagnostics warn of it
 
 
 @dataclass

@@ -23,7 +23,7 @@ from sim.ros.drawn import classes_of, path_of, samples_of
 from sim.ros.frames import Frames, composed, planar
 from sim.ros.graph import LATCHED, RELIABLE, SENSOR, Graph, Quality, Subscription
 from sim.ros.grids import Grid
-from sim.ros.planning import Law, Pose, Task, Work
+from sim.ros.planning import PLANNING, STARTING, Law, Pose, Task, Work
 
 TICK = 0.02  # between two looks at what is late [s]
 STILL = 1.0  # for which a robot that shall stand is commanded to [s]
@@ -31,7 +31,7 @@ SHOWN = 0.2  # between two drawings of a plan [s]
 SAID = 1.0  # between two diagnostics without news [s]
 FRAMES = Quality(depth=100)
 OK, WARNING, ERROR = 0, 1, 2
-FINE = ("driving", "no goal", "arrived", "planning")
+FINE = ("driving", "no goal", "arrived", PLANNING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +47,10 @@ class NodeOptions:
     max_speed: float = inf  # [m/s]
     max_turn: float = inf  # [rad/s]
     samples_drawn: int = 30  # paths of each kind
+
+    def __post_init__(self) -> None:
+        if not (self.map_frame and self.base_frame):
+            raise OptionError("--map-frame or --base-frame has no name; the usual ones are map and base_link")
 
 
 class Node:
@@ -73,6 +77,7 @@ class Node:
         self._grid: Grid | None = None
         self._map_came = -inf
         self._scan_came = -inf
+        self._ahead: float | None = None  # this machine's clock of that of scans [s]
         self._wrong = dict[str, str]()  # what is wrong, by the topic it came with
         self._status = ""
         self._moving = False
@@ -145,7 +150,7 @@ class Node:
                 self._try(self._map.name, self._take_map, grid)
         for scan in [] if self._scans is None else self._scans.take():
             self._scan_came = now
-            self._try("scan", self._take_scan, scan)
+            self._try("scan", self._take_scan, scan, now)
         for goal in self._goals.take()[-1:]:
             self._try(self._goals.name, self._take_goal, goal)
         if self._cancels.take():
@@ -221,11 +226,12 @@ class Node:
         self._pose = pose
         if last is not None and stamp < last.stamp:
             self.work.begin_anew()
+            self._ahead = None
             self._frames.forget()
             raise OptionError(f"time goes backwards, from {last.stamp:.3f} to {stamp:.3f} s; the run begins anew")
         self.work.poses.append(pose)
 
-    def _take_scan(self, message: ros.LaserScan) -> None:
+    def _take_scan(self, message: ros.LaserScan, now: float) -> None:
         at = self._in_map(message.header, self.options.base_frame)
         ranges = np.array(message.ranges)
         angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
@@ -234,7 +240,9 @@ class Node:
         ranges[np.isnan(ranges) | (ranges < message.range_min)] = -inf
         ranges[ranges > message.range_max] = inf
         stamp = message.header.stamp.seconds
-        self.work.scans.append(Scan(pose=at, angles=angles, ranges=ranges, most=message.range_max, time=stamp))
+        self._ahead = now - stamp if self._ahead is None else self._ahead
+        scan = Scan(pose=at, angles=angles, ranges=ranges, most=message.range_max, time=stamp + self._ahead)
+        self.work.scans.append(scan)
 
     def _arrive(self) -> None:
         self._arrived_at = self._goal
@@ -255,16 +263,18 @@ class Node:
         """Return why the robot stands; None: it drives."""
         law = self.work.law
         late = self.options.late + self.work.period
+        if self._goal is None and self._arrived_at is not None and not self._wrong:
+            return "arrived"
         if lacking := self._lacking(now):
             return lacking
-        if self._goal is None:
-            return "arrived" if self._arrived_at is not None else "no goal"
+        if self._goal is None and self.work.doing != STARTING:
+            return "no goal"
         if self.work.trouble:
             return self.work.trouble
         if law is None:
-            return "planning"
+            return self.work.doing
         if now - law.made > late:
-            return f"plans are late: they take longer than {late:g} s; raise --period, or take fewer --samples"
+            return f"plans are late: they take longer than {late:g} s; raise --period or --dt"
         return "blocked: no way is free" if law.blocked else None
 
     def _lacking(self, now: float) -> str:
@@ -327,6 +337,11 @@ class Node:
         for trouble in self.graph.troubles():
             self.say(trouble)
         level = OK if status in FINE else ERROR if self._wrong or self.work.trouble else WARNING
+        if status == self.work.doing:
+            status += f", {time.monotonic() - self.work.since:.0f} s so far"
+        elif status == "driving" and law is not None and law.doubtful:
+            level = WARNING
+            status = f"driving, {ros.DOUBTFUL}"
         values = [ros.KeyValue(key, value) for key, value in ({} if law is None else law.figures()).items()]
         found = ros.DiagnosticStatus(level, "pirrht: planner", status, "", values)
         self._diagnostics.publish(ros.DiagnosticArray(self._header(""), [found]))

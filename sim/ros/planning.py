@@ -25,15 +25,21 @@ from pirrht.mapping.scan import Scan
 from sim.rehearsal import rehearse
 from sim.ros.grids import Grid
 from sim.scenario import Scenario, prepare
+from sim.systems import named, names
 
 SHARE = 0.7  # of a period, in which samples are drawn
 SOON = 0.1  # time after which a robot with inertia has the commanded velocity [s]
 INSTANT = 1e-3  # as long for one without [s]
 IDLE = 0.01  # between two looks for work [s]
+PATIENCE = 2.0  # with what is under way at the end [s]
 AROUND = 5.0  # of start and goal that a workspace holds, if none is given [m]
 SOMEWHERE = np.array([3.0, 0.0, 1.0])  # x, y and radius of a goal, of a robot that starts at 0, 0 [m]
 WALL = 0.5  # height of walls [m]
 MOST_POSES = 1000  # between two plans
+STARTING = "starting: kernels are compiled or loaded"
+SEARCHING = "searching the margin for --risk"
+PLANNING = "planning"
+STATES = {"x", "y", "heading", "vx", "vy", "speed", "turn"}  # that odometry tells
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +87,11 @@ class Law:
     drawn: bool = False
 
     @property
+    def doubtful(self) -> bool:
+        """Whether it rests on few effective samples."""
+        return self.plan.estimate is not None and self.plan.estimate.doubtful
+
+    @property
     def blocked(self) -> bool:
         """Whether the robot must brake."""
         return self.plan.fallback is not None
@@ -120,7 +131,7 @@ class Law:
 class Work:
     """Makes plans for the task, as long as there is one.
 
-    Other threads set `task`, append `poses` and `scans`, and read `law` and `trouble`.
+    Other threads set `task`, append `poses` and `scans`, and read `law`, `trouble`, `doing` and `since`.
 
     Args:
         given: options of the robot, the problem and the planner, as `prepare` takes them.
@@ -142,6 +153,8 @@ class Work:
         self.task: Task | None = None
         self.law: Law | None = None
         self.trouble = ""
+        self.doing = STARTING  # while there is no law
+        self.since = time.monotonic()  # [s]
         self.poses: deque[Pose] = deque(maxlen=MOST_POSES)
         self.scans: deque[Scan] = deque(maxlen=MOST_POSES)
         self._ended = False
@@ -149,23 +162,34 @@ class Work:
         self._built: Task | None = None
         self._driver: Any = None
         self._scenario: Scenario | None = None
+        self._checked: Scenario | None = None
         self._last = 0.0  # time of the pose of the last plan [s]
+        self._began = 0.0  # that of the first [s]
         self._thread = Thread(target=self._run, name="planner", daemon=True)
 
     def check(self) -> None:
         """Refuse options that no goal can be reached with, before there is one; OptionError or SceneError says why."""
+        robots = {robot: one.adapter.states for one in map(named, names()) for robot in one.robots}
+        fit = [robot for robot, states in robots.items() if STATES.issuperset(states)]
+        robot = self.given.get("robot") or fit[0]
+        if robot in robots and robot not in fit:
+            raise OptionError(f"{robot} does not drive on the ground; choose --robot {', '.join(fit)} or an MJCF file")
+        if self.given.get("method") == "passive":
+            raise OptionError("--method passive knows no path and hits walls; choose another to drive a robot")
         still = Pose(np.zeros(3), np.zeros(3), 0.0, 0.0)
-        entered = Work({**self.given, "risk": None}, 1.0, None, self.say)._entered(Task(SOMEWHERE, None), still)
-        still.state(entered.system.states)
+        task = Task(SOMEWHERE, None)
+        given = self.given if self.sees else {**self.given, "risk": None}  # which would be a search
+        self._checked = Work(given, 1.0, None, self.say)._entered(task, still)
+        still.state(self._checked.system.states)
 
     def start(self) -> None:
         """Begin to work."""
         self._thread.start()
 
     def end(self) -> None:
-        """Stop working."""
+        """Stop working; nobody waits for a compiler."""
         self._ended = True
-        self._thread.join()
+        self._thread.join(PATIENCE)
 
     def begin_anew(self) -> None:
         """Forget the run so far."""
@@ -173,6 +197,10 @@ class Work:
         self._anew = True
 
     def _run(self) -> None:
+        if self._checked is not None:
+            rehearse(self._checked, driving=True)
+            self.say("ready")
+        self._begin_doing(PLANNING)
         failed: Task | None = None
         while not self._ended:
             task = self.task
@@ -196,7 +224,7 @@ class Work:
                 law.risk = self._risk(law.plan)
             except PirrhtError as error:
                 self.law = None
-                self.trouble = str(error)
+                self.trouble = str(error) if self.task is task else ""
                 failed = task if self._built is not task else None
             except Exception as error:  # whatever it is, the robot stops
                 self.law = None
@@ -222,10 +250,11 @@ class Work:
             self._built = task
             return
         self.law = None
+        self.trouble = ""
         self._built = None
+        self._begin_doing(PLANNING if self.given.get("risk") is None else SEARCHING)
         scenario = self._entered(task, x)
-        if self._scenario is None:
-            rehearse(scenario, driving=True)
+        self._begin_doing(PLANNING)
         tree = None if scenario.settings.method in TREELESS else scenario.grown_tree()
         if tree is not None and not self.sees:
             scenario.references(tree)  # NoReference says why there is none
@@ -233,9 +262,15 @@ class Work:
         self._scenario = scenario
         self._begin(self.poses[-1])
         if not self.sees:
-            self._driver.plan(self._state(self.poses[-1]))  # the first one takes long
-            self._begin(self.poses[-1])
+            self._driver.plan(self._state(self.poses[-1]))  # the first one takes long, and its guides serve the next
+            pose = self.poses[-1]
+            self._driver.observe(self._state(pose), 0.0)
+            self._last = pose.came
         self._built = task
+
+    def _begin_doing(self, what: str) -> None:
+        self.doing = what
+        self.since = time.monotonic()
 
     @property
     def _scene(self) -> Any:
@@ -249,7 +284,7 @@ class Work:
         self.poses.clear()
         self.poses.append(pose)
         self._driver.begin(self._state(pose))
-        self._last = pose.came
+        self._last = self._began = pose.came
 
     def _planned(self, began: float) -> Law:
         """Plan at the newest pose."""
@@ -263,7 +298,8 @@ class Work:
         if isinstance(self._driver, Mapped):
             with suppress(IndexError):
                 while True:
-                    self._driver.see(self.scans.popleft())
+                    scan = self.scans.popleft()
+                    self._driver.see(replace(scan, time=scan.time - self._began))  # on the clock of the run
         until = began + SHARE * self.period
         plan = self._driver.plan(self._state(pose), lambda: until - time.monotonic())
         made = time.monotonic()
@@ -276,12 +312,18 @@ class Work:
         return None if collision is None else collision.probability
 
     def _entered(self, task: Task, pose: Pose) -> Scenario:
-        """Return the scenario of a task; SceneError or OptionError: there can be none."""
+        """Return the scenario of a task; SceneError or OptionError: there can be none, or another goal is set."""
+
+        def pause() -> None:
+            asked = self.task
+            if self._thread.is_alive() and (self._ended or asked is None or asked.goal is not task.goal):
+                raise OptionError("the goal is withdrawn, or another")
+
         with TemporaryDirectory(prefix="pirrht-") as folder:
             file = Path(folder) / "map.xml"
             file.write_text(self._text(task, pose.place), encoding="utf-8")
             try:
-                scenario = prepare(file, given={**self.given, "period": self.period, "real_time": True})
+                scenario = prepare(file, given={**self.given, "period": self.period, "real_time": True}, pause=pause)
             except (SceneError, OptionError) as error:
                 why = str(error).replace(f"{file}: ", "").replace("--goal", "/goal_pose")
                 raise type(error)(why.replace('move site "start"', "drive the robot off it")) from None

@@ -37,7 +37,7 @@ WORTH = 2e-3  # a smaller margin is none [m]
 
 def prepare(
     scene: str | Path, *, given: Mapping[str, Any] | None = None, loose: bool = False, driven: bool = True,
-    room: Callable[[Scene], Scene] | None = None, **options: Any,
+    room: Callable[[Scene], Scene] | None = None, pause: Callable[[], None] = lambda: None, **options: Any,
 ) -> Scenario:  # fmt: skip
     """Load a scene and decide everything that a run needs.
 
@@ -47,6 +47,7 @@ def prepare(
         loose: whether static obstacles can be moved (`sim.mjcf.load`).
         driven: whether a robot that its plant cannot drive is refused.
         room: makes another scene of the one that is read, which the robot is put into without a margin.
+        pause: called before each margin of a search; what it raises ends that.
 
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
@@ -69,6 +70,7 @@ def prepare(
         settings = replace(settings, limit=max(settings.limit, UNMAPPED))
 
     def at(margin: float | None, narrow: tuple[Waiver, ...] = (), **changes: Any) -> Scenario:
+        pause()
         own = loaded if margin is None else read(margin=margin)
         numbers = replace(settings, **changes)
         scene = own.scene if room is None else room(own.scene)

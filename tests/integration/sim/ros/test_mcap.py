@@ -180,5 +180,5 @@ def test_a_file_that_cannot_be_written_costs_one_line_and_the_old_one_stays(driv
 
 def test_obstacles_of_an_exported_run_can_be_imported(drive, tmp_path):
     scene = tmp_path / "again.xml"
-    words = ["--topic", "/pirrht/scene", "--workspace", "0", "6", "0", "5"]
+    words = ["--workspace", "0", "6", "0", "5"]
     assert main(["import", str(drive[1]), "-o", str(scene), *words]) == 0

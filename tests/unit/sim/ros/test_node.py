@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from pirrht.errors import OptionError
+from pirrht.plotting.colors import ClassColors
 from sim.ros import messages as ros
-from sim.ros.drawn import samples_of
+from sim.ros.drawn import classes_of, samples_of
 from sim.ros.frames import quaternion_of
 from sim.ros.graph import Graph, Quality, checked_name
 from sim.ros.node import STILL, Node, NodeOptions
+from sim.ros.planning import PLANNING, SEARCHING, STARTING
 from sim.ros.planning import Law as PlannedLaw
 
 AHEAD = (0.7, 0.0, 0.2)
@@ -47,7 +49,7 @@ class Wire:
 
 
 class Law:
-    blocked = False
+    blocked = doubtful = False
     drawn = True
 
     def __init__(self, made):
@@ -66,7 +68,17 @@ class Robot:
     def __init__(self, sees=False, **options):
         self.wire = Wire()
         self.work = SimpleNamespace(
-            sees=sees, radius=0.25, period=0.1, task=None, law=None, trouble="", poses=deque(), scans=deque(), anew=0
+            sees=sees,
+            radius=0.25,
+            period=0.1,
+            task=None,
+            law=None,
+            trouble="",
+            doing=PLANNING,
+            since=0.0,
+            poses=deque(),
+            scans=deque(),
+            anew=0,
         )
         self.work.begin_anew = lambda: setattr(self.work, "anew", self.work.anew + 1)
         self.said = []
@@ -228,6 +240,42 @@ def test_in_the_goal_the_robot_stands_and_a_goal_that_is_said_again_changes_noth
     assert driving.tick() == [AHEAD]
 
 
+def test_a_robot_that_has_arrived_has_until_there_is_another_goal(driving):
+    driving.odometry(x=3.8)
+    driving.tick()
+    driving.tick(1.0)
+    assert driving.status.message == "arrived"
+    driving.goal(x=2.0)
+    driving.tick(1.0)
+    assert driving.status.message == "odometry is late"
+
+
+def test_diagnostics_warn_of_a_plan_that_rests_on_few_effective_samples(driving):
+    driving.work.law.doubtful = True
+    driving.work.law.made = driving.now + 1.0
+    driving.odometry()
+    assert driving.tick(1.1, planned=False) == [AHEAD]
+    assert (driving.status.level, driving.status.message) == (1, "driving, few effective samples")
+
+
+@pytest.mark.parametrize("doing", [STARTING, SEARCHING])
+def test_diagnostics_tell_for_how_long_a_robot_stands_for_compiling_or_a_search(doing):
+    robot = Robot()
+    robot.work.doing = doing
+    robot.map()
+    robot.goal()
+    robot.odometry()
+    robot.tick(planned=False)
+    assert robot.status.message.startswith(f"{doing}, ")
+    assert robot.status.level == 1
+    assert doing in robot.said
+
+
+def test_frames_without_a_name_are_refused():
+    with pytest.raises(OptionError, match="the usual ones are map and base_link"):
+        NodeOptions(map_frame="")
+
+
 def test_a_map_that_is_late_stops_the_robot_if_that_is_asked_for():
     robot = Robot(map_late=0.3)
     robot.map()
@@ -258,6 +306,7 @@ def test_a_robot_with_a_lidar_needs_scans_and_sees_where_its_frame_is():
     (seen,) = robot.work.scans
     np.testing.assert_allclose(seen.pose, [1.3, 1.0, np.pi / 2], atol=1e-9)
     assert seen.ranges.tolist() == [2.0, np.inf, -np.inf, -np.inf, np.inf]
+    assert seen.time == pytest.approx(robot.now)
     robot.odometry()
     assert robot.tick() == [AHEAD]
     robot.odometry()
@@ -357,6 +406,18 @@ def test_the_heaviest_samples_are_drawn_as_such_where_none_has_died():
     alone = SimpleNamespace(heaviest=lambda count: iter([(paths, np.ones(1))]))
     *_, heaviest = samples_of(both, 5, ros.Header()).markers
     assert samples_of(alone, 5, ros.Header()).markers[1:] == [heaviest]
+
+
+def test_names_of_classes_without_weight_are_readable_and_lines_lie_above_the_map():
+    path = SimpleNamespace(trajectory=SimpleNamespace(points=np.arange(40.0).reshape(20, 2)))
+    plan = SimpleNamespace(ids=("0,1", "1,0"), references=(path, path), weights=lambda: {"0,1": 1.0})
+    _, *markers = classes_of(plan, ClassColors(), ros.Header()).markers
+    lines = [one for one in markers if one.ns == "classes"]
+    names = [one for one in markers if one.ns == "names"]
+    assert [one.color.a for one in names] == [1.0, 1.0]
+    assert names[0].pose.position != names[1].pose.position
+    assert lines[1].color.a < lines[0].color.a == 1.0
+    assert all(point.z > 0.0 for line in lines for point in line.points)
 
 
 @pytest.mark.parametrize(("name", "shown"), [("0,0,0,0,1", "+5"), (None, "-")])
