@@ -158,6 +158,8 @@ class ProposalBuilder:
         else:
             estimate = self._round(batch, seed, run, budget, effort)
             drawn = 0.0 if estimate is None else sum(part.size for part in estimate.parts) / sum(batch.counts)
+        if run.effort.most is not None:  # a class is no better for being cheap
+            run.effort.most = max(run.effort.most, classes_with_weight(batch, estimate))
         if not run.clock.first and effort.least > 0.0:
             run.effort.spend(None if estimate is None else drawn)
         if estimate is None:
@@ -300,6 +302,15 @@ class ProposalBuilder:
             if waits_for_none and one not in starts.optima:
                 run.retries.postpone(name, guidance.tuning.again)
         return [some[0] if some else None for some in found]
+
+
+def classes_with_weight(batch: Batch, estimate: Estimate | None) -> int:
+    """Return how many of the cheapest classes include the one with most weight; without survivors, twice as many."""
+    names = [*batch.classes.values()]
+    if estimate is None:
+        return 2 * len(names)
+    weights = [estimate.class_weights.get(name, 0.0) for name in names]
+    return 1 + int(np.argmax(weights)) if weights else 0
 
 
 def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:

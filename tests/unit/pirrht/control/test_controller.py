@@ -1,6 +1,7 @@
 """The controller names classes by the whole drive, goes on when nothing is known, leaves out what takes long."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -114,6 +115,20 @@ def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit
     later = until.plan(slit.start).estimate
     assert later.ess >= 10.0
     assert len(later.parts) < len(more.parts)
+
+
+def test_a_cheap_class_that_no_sample_survives_does_not_keep_others_out_of_plans_without_time(slit, slit_tree):
+    """Under this noise open-loop samples die in the slit, the cheapest class, which alone there is time for."""
+    narrow = slit.with_settings(noise=0.4, samples=60, guide="open-loop")
+    controller = narrow.controller(slit_tree)
+    survived = list[bool]()
+    for _ in range(20):
+        plan = controller.plan(slit.start, lambda: 0.0)
+        survived.append(plan.fallback is None)
+        controller.observe(slit.start[None], DT)
+    assert survived[0]
+    assert all(one or other for one, other in pairwise(survived))
+    assert sum(survived) >= 15
 
 
 def test_without_a_reference_at_the_start_there_is_no_plan_and_later_the_robot_brakes(slit):
