@@ -72,7 +72,7 @@ def test_a_robot_whose_planner_is_killed_stands_still_and_the_next_planner_takes
     time.sleep(2.0)
     assert robot.poll() is None, robot.said()
     another = started("ros", *ROBOT, "--once")
-    time.sleep(1.0)
+    until(another, "no goal")
     goal = [sys.executable, "-c", GOAL.format(domain=DOMAIN)]
     assert subprocess.run(goal, timeout=60, check=False).returncode == 0
     assert robot.wait(150) == 0, robot.said() + another.said()
