@@ -166,4 +166,8 @@ class Mppi(Policy):
             time=run.clock.time, space=self.space, dynamics=self.problem.dynamics, movers=run.route.movers,
         )  # fmt: skip
         self._tape = plan.tape
+        return self.governed(plan)
+
+    def governed(self, plan: Plan) -> Plan:
+        """Return a plan whose controls keep to speeds from which the robot can stop, among static obstacles."""
         return governed(plan, self.problem.dynamics, self.space.static, self.deceleration)

@@ -115,7 +115,7 @@ class Controller(Policy):
         OptionError: x is no state. NoReference: no class reaches the goal, and there is no earlier plan to go on with;
         SceneError if that is since x lies in an obstacle.
         """
-        return self._governed(self._decided(x, left))
+        return self.governed(self._decided(x, left))
 
     def _decided(self, x: Array, left: Callable[[], float] | None) -> Plan:
         """Return the plan of `plan`, whatever the brakes."""
@@ -142,7 +142,8 @@ class Controller(Policy):
             return blocked_plan(self.brake, x, run, self.space, "no survivor", batch, references)
         return plan_of(self.path_integral, batch, references, estimate, run, settings)
 
-    def _governed(self, plan: Plan) -> Plan:
+    def governed(self, plan: Plan) -> Plan:
+        """Return a plan whose controls keep to speeds from which the robot can stop."""
         moving = self.path_integral.setup.world.moving
         return governed(plan, self.problem.dynamics, self.space.static, self.deceleration, moving, self.run.now)
 

@@ -19,7 +19,6 @@ from pirrht.arrays import Array, BoolArray
 from pirrht.control.baselines import Mppi
 from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.controller import Controller
-from pirrht.control.governor import governed
 from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
@@ -132,10 +131,7 @@ class Mapped(Policy):
         self.believed = replace(last, seconds=self.clock() - began)
         if self._covered:
             plan = blocked_plan(self._brake, x + error, self.run, self.space, "no reference")
-            moving = self.path_integral.setup.world.moving
-            deceleration = self.controller.deceleration
-            plan = governed(plan, self.problem.dynamics, self.space.static, deceleration, moving, self.run.now)
-            return shifted(plan, error)
+            return shifted(self.controller.governed(plan), error)
         if self._pool is not None:
             left = TimeBudget(left).less(TUNING.mapping) if left is not None else None
         return shifted(self.controller.plan(x + error, left), error)

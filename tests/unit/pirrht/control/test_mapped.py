@@ -168,7 +168,7 @@ def test_the_robot_waits_while_the_map_covers_its_goal():
 
 
 def test_a_robot_that_waits_while_its_goal_is_covered_gives_way_no_faster_than_it_can_stop():
-    """Beside a wall it moves off, and at a deceleration of nearly none every way leads into something."""
+    """Next to a wall it moves off, and at a deceleration of nearly none every way leads into something."""
     speeds = []
     for deceleration in (0.0, 100.0, 0.01):
         policy = mapped(deceleration=deceleration)
