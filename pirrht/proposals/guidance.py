@@ -34,6 +34,11 @@ from pirrht.traits import Traits
 Short = Callable[[], bool] | None  # tells whether time is short; None: it is unlimited
 
 
+def late(short: Short) -> bool:
+    """Check whether time is short."""
+    return short is not None and short()
+
+
 class Query(NamedTuple):
     """A class, by its additive key, at one state (n,) and time."""
 
@@ -138,7 +143,8 @@ class DDPGuidance:
         Improved are what is left of the `last` optima, found `elapsed` [s] ago, and if the first of them leaves the
         class or touches something, the initialisations of the class, all of them or (unless `thorough`) up to the first
         valid guide; but where noise has carried the robot into a wall's zone the first leads out of it. If nothing
-        valid is found, samples follow what the reference led to. Nothing more is improved once time is `short`.
+        valid is found, samples follow what the reference led to. By a clock, which tells when time is `short`, guides
+        are improved in parts, and what is valid after one is left to the next plan.
         """
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm, short, paces) for start in starts]
@@ -178,7 +184,7 @@ class DDPGuidance:
         """Return valid guides from the initialisations of a class; without any, that from the first path."""
         found: list[DDPGuide | None] = []
         for start, stages in self._initialisations(query, paths, thorough):
-            if found and short is not None and short():
+            if found and late(short):
                 break
             found.append(self._from(query, start, stages, short, self.tuning.paces))
             if not thorough and (found[0] is None or (found[-1] is not None and found[-1].valid)):
@@ -261,8 +267,7 @@ class DDPGuidance:
                 length, cost, penalised, sound = improved(course, length, stage)
             if sound and short is not None:
                 break  # the next plan goes on from here
-        late = short is not None and short()
-        if again is not None and length != 0 and not (sound or late):  # high prices of walls led it astray
+        if again is not None and length != 0 and not (sound or late(short)):  # high prices of walls led it astray
             course, length = again
             length, cost, penalised, sound = improved(course, length, stages[-1])
         if sound and query.setup.world.moving.J == 0:
@@ -299,9 +304,9 @@ class DDPGuidance:
                 yield warmth, rounds
                 continue
             for _ in range(0, rounds, self.tuning.part):
-                late = short()
-                yield warmth, self.tuning.part_short if late else self.tuning.part
-                if late:
+                hasty = short()
+                yield warmth, self.tuning.part_short if hasty else self.tuning.part
+                if hasty:
                     break
 
     def _paced(
@@ -314,7 +319,7 @@ class DDPGuidance:
         """
         task, rounds = self.tasks[1.0], self.tuning.paced
         for pace in paces:
-            while found[0] > 0 and not (short is not None and short()):
+            while found[0] > 0 and not late(short):
                 other, length = self.starts.retimed(course, found[0], query.times, query.times, pace=pace)
                 other.states[0] = query.x
                 better = self.optimise(query.setup, query.classes, task, query.clock, query.key, rounds, other, length)
