@@ -170,4 +170,4 @@ class Mppi(Policy):
 
     def governed(self, plan: Plan) -> Plan:
         """Return a plan whose controls keep to speeds from which the robot can stop, among static obstacles."""
-        return governed(plan, self.problem.dynamics, self.space.static, self.deceleration)
+        return governed(plan, self.problem.dynamics, self.space.static, self.deceleration, blind=self.blind)

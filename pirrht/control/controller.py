@@ -145,7 +145,8 @@ class Controller(Policy):
     def governed(self, plan: Plan) -> Plan:
         """Return a plan whose controls keep to speeds from which the robot can stop."""
         moving = self.path_integral.setup.world.moving
-        return governed(plan, self.problem.dynamics, self.space.static, self.deceleration, moving, self.run.now)
+        d = self.problem.dynamics
+        return governed(plan, d, self.space.static, self.deceleration, moving, self.run.now, self.blind)
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """Return what a plan at x (n,) samples first, around references."""

@@ -28,6 +28,7 @@ from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import height_of_walls
 from pirrht.geometry.solids import discs
 from pirrht.mapping.believed import Believed
+from pirrht.mapping.blind_side import BlindSide
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
 from pirrht.mapping.tracker import Track, Tracker
@@ -89,10 +90,18 @@ class Mapped(Policy):
         scene = self.space.scene
         return OccupancyMap(scene.lower, scene.upper, cell=self.cell)
 
+    def _blind_side(self) -> BlindSide | None:
+        """Return what tells where to look, of a robot with a heading that turns on the spot."""
+        d = self.problem.dynamics
+        start = d.state_of(self._bare.start)
+        turns = len(d.reads(True)) == 3 and np.linalg.matrix_rank(d.G_c(start)[: len(d.position)]) < d.m
+        return BlindSide(grid=self.map, footprint=self._bare.footprint) if turns else None
+
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far and its map; a new one starts at x (n,), at a time [s]."""
         self._pending = self._last = self.believed = None
         self.map = self._empty()
+        self.controller.blind = self._blind_side()
         self.tracks = Tracker()
         self._version = 0
         self._avoid()
@@ -103,6 +112,7 @@ class Mapped(Policy):
     def go_on(self, before: "Mapped") -> None:
         """Continue in the map of another policy, among the same obstacles; call it after `begin`."""
         self.map = before.map
+        self.controller.blind = before.controller.blind
         self.tracks = before.tracks
         self._last = before._last
 
@@ -111,6 +121,8 @@ class Mapped(Policy):
         passing = self.tracks.see(scan, self.map) if isinstance(self.controller, Controller) else None
         self.map.integrate(scan, free_around=self.space.scene.footprint.inscribed, passing=passing)
         self._last = scan
+        if self.controller.blind is not None:
+            self.controller.blind.scan = scan
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,) among what is known; see `Controller.plan`."""

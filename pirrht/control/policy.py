@@ -20,6 +20,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.mapping.believed import Believed
+from pirrht.mapping.blind_side import BlindSide
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.signature import Signature, class_id
@@ -34,6 +35,7 @@ class Policy(ABC):
     predict: ConstantVelocity | None = None  # None: motions are known
     run: RunState  # of the run under way
     believed: Believed | None = None  # what the last plan rests on; None: the scene is known
+    blind: BlindSide | None = None  # where a governed robot turns to look; None: it need not
 
     @property
     def problem(self) -> Problem:

@@ -95,6 +95,13 @@ class OccupancyMap:
         )  # fmt: skip
         self.version += bool(changed)
 
+    def unseen(self, points: Array) -> BoolArray:
+        """Return which of the places (k, 2) [m] lie in cells of the map that no ray has reached."""
+        rows, columns = self._odds.shape
+        column, row = np.floor((points - self.lower) / self.cell).astype(int).T
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        return np.asarray(inside & ~self._seen[np.where(inside, row, 0), np.where(inside, column, 0)])
+
     def surprises(self, points: Array) -> BoolArray:
         """Return which of the places (k, 2) [m] are where it had been free a while ago, walls and their cells aside."""
         rows, columns = self._odds.shape

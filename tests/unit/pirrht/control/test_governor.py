@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rays import scan_of
 
 from pirrht import Footprint, FreeSpace, Plan, Scene, SingleIntegrator
 from pirrht.control.governor import TUNING, GovernedLaw, Governor, governed
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.solids import discs
+from pirrht.mapping.blind_side import BlindSide
+from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.systems.rover import Rover
 
 TASK = {"lower": (0, 0), "upper": (8, 4), "start": (0.6, 2.0), "goal": (7.5, 0.5, 0.3)}
@@ -79,6 +82,30 @@ def test_a_governed_law_keeps_a_share_for_a_while_and_is_the_law_where_nothing_i
     before = law(near, 0.5 * TUNING.every)
     assert before[0] == pytest.approx(1.0 + 0.5 * TUNING.every)  # the share of before
     assert law(near, 1.5 * TUNING.every)[0] < 0.5
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_a_robot_that_reverses_turns_to_look_and_meets_no_wall_that_its_lidar_never_showed(looks: bool):
+    """Driven blindly it meets each; wheels follow at once here."""
+    task = {**TASK, "footprint": Footprint.rectangle(0.508, 0.43)}
+    truth = FreeSpace.of(Scene.from_boxes([WALL], **task))
+    bare = Scene.from_boxes(np.empty((0, 4)), **task)
+    for y in (1.4, 2.0, 2.6):
+        x = np.array([6.5, y, 0.0])
+        blind = BlindSide(grid=OccupancyMap(bare.lower, bare.upper), footprint=bare.footprint)
+        clearances = []
+        for _ in range(40):
+            blind.scan = scan_of(truth.scene.obstacles, x, fov=1.5 * np.pi)
+            blind.grid.integrate(blind.scan, free_around=bare.footprint.inscribed)
+            known = FreeSpace.of(blind.grid.scene(bare), 0.05)
+            g = Governor(
+                dynamics=Rover(b=0.05), static=known.static, deceleration=DECELERATION, blind=blind if looks else None
+            )
+            law = GovernedLaw(lambda x, s: np.array([-1.5, 0.0]), g)
+            for s in np.arange(0.0, 0.1, 0.02):
+                x = g.dynamics.step(x, law(x, s), np.zeros(2), 0.02)
+                clearances.append(truth.static.kernels.clearance(truth.static, tuple(x)))
+        assert (min(clearances) > 0.0) == looks
 
 
 def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -> float:

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from trees import grown
 
-from pirrht import Controller, FreeSpace, Goal, Problem, Sampling, Scene, SingleIntegrator, StraightLine
+from pirrht import Controller, FreeSpace, Goal, Mppi, Problem, Sampling, Scene, SingleIntegrator, StraightLine
 from pirrht.control.mapped import Mapped
 from pirrht.errors import PirrhtError
 from pirrht.mapping.scan import Scan
 from pirrht.mapping.tracker import Track
+from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.rover import Rover
 from pirrht.topology.driven import shift
 from pirrht.topology.homology import Homology
 
@@ -72,6 +74,30 @@ def test_a_begun_run_forgets_the_map():
     policy.begin(START)
     assert not policy.map.occupied.any()
     assert len(policy.plan(START).ids) == 1
+
+
+def watched(dynamics: Dynamics, R: tuple[float, float]) -> Mapped:
+    """MPPI of a system that knows nothing yet."""
+    scene = Scene.from_boxes(np.empty((0, 4)), **{**TASK, "start": (0.5, 2.0, 0.0)})
+    problem = Problem(dynamics=dynamics, scene=scene, R=np.diag(R))
+    sampling = Sampling(samples=10, guide="open-loop")
+    found = Mapped(Mppi(problem, FreeSpace.of(scene), sampling, horizon=0.3, rng=np.random.default_rng(0)))
+    found.begin(problem.dynamics.state_of(scene.start))
+    return found
+
+
+def test_robots_that_turn_on_the_spot_look_where_they_reverse_and_others_need_not():
+    puck = watched(SingleIntegrator(b=0.1), R=(2.0, 2.0))
+    look(puck, [CRATE], (0.5, 2.0))
+    assert puck.controller.blind is None
+
+    before = watched(Rover(b=0.05), R=(2.0, 0.5))
+    after = watched(Rover(b=0.05), R=(2.0, 0.5))
+    look(before, [CRATE], (0.5, 2.0))
+    assert before.controller.blind.scan is before._last
+    assert after.controller.blind.scan is None
+    after.go_on(before)
+    assert after.controller.blind.grid is after.map is before.map
 
 
 def passes_above(plan, name: str, x: float, y: float) -> bool:

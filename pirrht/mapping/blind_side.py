@@ -1,0 +1,51 @@
+"""Tell what of a robot's way its lidar has never shown, since it looks elsewhere."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.geometry.footprint import Footprint, placed
+from pirrht.mapping.occupancy import OccupancyMap
+from pirrht.mapping.scan import Scan
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class BlindSide:
+    """The directions in which a lidar has no rays, and which of the cells there none has reached before.
+
+    Attributes:
+        grid: what scans have shown.
+        footprint: of the robot.
+        scan: the last one; None: nothing is hidden.
+        side: to which the robot turns to look, 1 to the left and -1 to the right.
+    """
+
+    grid: OccupancyMap
+    footprint: Footprint
+    scan: Scan | None = None
+    side: float = 1.0
+
+    def hides(self, poses: Array) -> bool:
+        """Return whether a robot that moves along poses x, y, yaw (k, 3) [m, m, rad] enters cells that none has seen.
+
+        Those of its leading edge count that lie on the blind side, seen from where the last scan was taken.
+        """
+        if self.scan is None:
+            return False
+        points = placed(self._edge(), poses[1:])
+        moves = np.diff(poses[:, :2], axis=0)[:, None]
+        leading = np.sum((points - poses[1:, None, :2]) * moves, axis=-1) > 0.0
+        points = points[leading]
+        x, y = (points - self.scan.pose[:2]).T
+        angles = np.mod(np.arctan2(y, x) - self.scan.pose[2] + np.pi, 2.0 * np.pi) - np.pi
+        outside = (angles < self.scan.angles.min()) | (angles > self.scan.angles.max())
+        return bool(np.any(outside & self.grid.unseen(points)))
+
+    def _edge(self) -> Array:
+        """Return points of the outline, a cell apart (n, 2) [m]."""
+        corners = self.footprint.outline
+        corners = np.vstack([corners, corners[:1]])
+        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
+        places = np.linspace(0.0, along[-1], 1 + int(np.ceil(along[-1] / self.grid.cell)))
+        return np.column_stack([np.interp(places, along, axis) for axis in corners.T])
