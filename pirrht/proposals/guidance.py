@@ -250,26 +250,23 @@ class DDPGuidance:
         setup, classes, clock, *_ = query
 
         course.states[0] = query.x
-        cost = np.inf
-        penalised = np.inf
-        sound = False
 
-        def improved(course: Course, length: int, stage: Stage) -> tuple[int, float, float, bool]:
-            warmth, rounds = stage
-            found: tuple[int, float, float, bool]
-            found = self.optimise(setup, classes, self.tasks[warmth], clock, query.key, rounds, course, length)
+        def improved(course: Course, length: int, stages: Sequence[Stage]) -> tuple[int, float, float, bool]:
+            found = (length, np.inf, np.inf, False)
+            for warmth, rounds in self._parts(stages, short):
+                if found[0] > 0:
+                    task = self.tasks[warmth]
+                    found = self.optimise(setup, classes, task, clock, query.key, rounds, course, found[0])
+                if found[-1] and short is not None:
+                    break  # the next plan goes on from here
             return found
 
         begun = course.control[0].copy()
         again = (Course(*map(np.copy, course)), length) if len(stages) > 1 else None
-        for stage in self._parts(stages, short):
-            if length > 0:
-                length, cost, penalised, sound = improved(course, length, stage)
-            if sound and short is not None:
-                break  # the next plan goes on from here
+        length, cost, penalised, sound = improved(course, length, stages)
         if again is not None and length != 0 and not (sound or late(short)):  # high prices of walls led it astray
             course, length = again
-            length, cost, penalised, sound = improved(course, length, stages[-1])
+            length, cost, penalised, sound = improved(course, length, stages[-1:])
         if sound and query.setup.world.moving.J == 0:
             course, (length, cost, penalised, sound) = self._paced(
                 query, course, (length, cost, penalised, sound), paces, short
