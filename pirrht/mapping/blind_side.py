@@ -1,6 +1,6 @@
 """Tell what of a robot's way its lidar has never shown, since it looks elsewhere."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,6 +25,14 @@ class BlindSide:
     footprint: Footprint
     scan: Scan | None = None
     side: float = 1.0
+    _edge: Array = field(init=False, repr=False)  # points of the outline, a cell apart, (n, 2) [m]
+
+    def __post_init__(self) -> None:
+        corners = self.footprint.outline
+        corners = np.vstack([corners, corners[:1]])
+        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
+        places = np.linspace(0.0, along[-1], 1 + int(np.ceil(along[-1] / self.grid.cell)))
+        self._edge = np.column_stack([np.interp(places, along, axis) for axis in corners.T])
 
     def hides(self, poses: Array) -> bool:
         """Return whether a robot that moves along poses x, y, yaw (k, 3) [m, m, rad] enters cells that none has seen.
@@ -33,7 +41,7 @@ class BlindSide:
         """
         if self.scan is None:
             return False
-        points = placed(self._edge(), poses[1:])
+        points = placed(self._edge, poses[1:])
         moves = np.diff(poses[:, :2], axis=0)[:, None]
         leading = np.sum((points - poses[1:, None, :2]) * moves, axis=-1) > 0.0
         points = points[leading]
@@ -41,11 +49,3 @@ class BlindSide:
         angles = np.mod(np.arctan2(y, x) - self.scan.pose[2] + np.pi, 2.0 * np.pi) - np.pi
         outside = (angles < self.scan.angles.min()) | (angles > self.scan.angles.max())
         return bool(np.any(outside & self.grid.unseen(points)))
-
-    def _edge(self) -> Array:
-        """Return points of the outline, a cell apart (n, 2) [m]."""
-        corners = self.footprint.outline
-        corners = np.vstack([corners, corners[:1]])
-        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
-        places = np.linspace(0.0, along[-1], 1 + int(np.ceil(along[-1] / self.grid.cell)))
-        return np.column_stack([np.interp(places, along, axis) for axis in corners.T])
