@@ -177,7 +177,9 @@ class FreeSpace:
 
     def segments_free(self, points: Array) -> bool:
         """Return whether the line through points (k, d) [m], headed along it, is free; FCL judges what is in doubt."""
-        piece, tails, heads = self.static.kernels.certify_piece, points[:-1], points[1:]
+        piece = self.static.kernels.certify_piece
+        tails = points[:-1]
+        heads = points[1:]
         ends = zip(tails.tolist(), heads.tolist(), strict=True)
         verdicts = np.array([piece(self.static, tuple(a), tuple(b), True) for a, b in ends], dtype=int)
         unsure = verdicts == UNSURE

@@ -100,7 +100,8 @@ class ProposalBuilder:
         """Return the default proposal of each class from x (n,), and its number of samples."""
         guidance, samples = self.integral.guidance, self.integral.sampling.samples
         allocates = self.settings.use.mixes and self.integral.sampling.allocation == "contribution"
-        trajectories, classes = [one.trajectory for one in references], from_start(run, references)
+        trajectories = [one.trajectory for one in references]
+        classes = from_start(run, references)
         grids = {k: run.starts.grids[one] for k, one in enumerate(classes) if one in run.starts.grids}
         drops = allocates and guidance is None
         controls = self.integral.proposals.controls(x, times, trajectories, drops=drops, grids=grids)

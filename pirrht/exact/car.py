@@ -177,7 +177,9 @@ def turning_gaps(space: FreeSpace, frame: Frame, rays: Rays) -> Array:
     gaps = np.full((2, *shape), np.inf)
     for side, gap in zip((1, -1), gaps, strict=True):
         edge = clear & ~np.roll(clear, -side, axis=2)
-        at, low, high = poses[edge], np.zeros(edge.sum()), np.full(edge.sum(), width)
+        at = poses[edge]
+        low = np.zeros(len(at))
+        high = np.full(len(at), width)
         for _ in range(TUNING.turn_halvings):
             middle = 0.5 * (low + high)
             turned = free(at + np.outer(side * middle, [0.0, 0.0, 1.0]))

@@ -233,7 +233,8 @@ def _covering(corners: tuple[tuple[float, float], ...], excess: float) -> Array:
             places + np.where(apart > 1e-9, away / np.maximum(apart, 1e-9), np.inf).min(axis=1)[:, None] * inward
         )
         edges.append(corner + np.linspace(0.0, 1.0, math.ceil(length / slack) + 1)[:, None] * side)
-    candidates, samples = np.concatenate(centres), np.concatenate(edges)
+    candidates = np.concatenate(centres)
+    samples = np.concatenate(edges)
     radii = excess - depths(hull, candidates)
     holds = np.hypot(*np.moveaxis(candidates[:, None] - samples, -1, 0)) <= (radii - 0.5 * slack)[:, None]
     chosen = []

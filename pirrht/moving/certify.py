@@ -61,7 +61,8 @@ def certify_past(moving, j, leg, heading):  # type: ignore[no-untyped-def]
     half = 0.5 * (t - s)
     radius = disc_of(moving, j) + LEAST_STEP
 
-    ux, uy = (bx - ax) * per, (by - ay) * per
+    ux = (bx - ax) * per
+    uy = (by - ay) * per
     now = s
     verdict = FREE
 

@@ -186,7 +186,8 @@ def _seen(pose: Array, body: Sequence[float]) -> Array:
 
     c = cos(yaw)
     s = sin(yaw)
-    dx, dy = x - body_x, y - body_y
+    dx = x - body_x
+    dy = y - body_y
 
     return np.array([[c * dx + s * dy, c * dy - s * dx, *(one - yaw for one in heading)]])
 

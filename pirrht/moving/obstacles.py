@@ -120,7 +120,8 @@ def _motions(movers: Sequence[Mover], reach: float) -> tuple[Array, IntArray, Ar
 
     row = solid = 0
     for j, mover in enumerate(movers):
-        motion, far = mover.motion, radius_of(mover.solids)
+        motion = mover.motion
+        far = radius_of(mover.solids)
         body[j] = (
             motion.offset, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + reach,
             speed_bound(motion, far),

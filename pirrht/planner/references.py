@@ -163,7 +163,8 @@ class ReferenceQuery(NamedTuple):
 
     def _path(self, x: Array, edges: Edges, row: Any) -> Any:
         """Path from x (n,) over an edge and on from a node at its head, into the goal (line 3)."""
-        tree, vertex = self.tree, int(edges.near[row["edge"]])
+        tree = self.tree
+        vertex = int(edges.near[row["edge"]])
         states = np.vstack([x, tree.states[path_of(tree.storage.places, vertex, int(row["slot"]))]])
         return tree.checker.until_goal(self.steering.connect(states[:-1], states[1:]))
 

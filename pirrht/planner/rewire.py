@@ -135,7 +135,8 @@ def admits(at, straight, source, slot, edge, rules):  # type: ignore[no-untyped-
 @kernel
 def _insert(at, v, offer, worst):  # type: ignore[no-untyped-def]
     """Append a node of a class that the vertex does not know, in place of its `worst` if that is one; done, or full."""
-    begin, e = (offer.source * at.K + offer.slot) * at.C, offer.edge
+    begin = (offer.source * at.K + offer.slot) * at.C
+    e = offer.edge
     first = load_int64(at.edge_first, e)
     end = load_int64(at.edge_first, e + 1)
     count = load_int32(g.node_at(g.vertex_at(at, offer.source), offer.slot), g.NODE_PAIR_COUNT)
