@@ -25,19 +25,8 @@ def renewed(
     problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
 ) -> Renewed | None:
     """Return problem, free space and tree of so many vertices in another scene, or None; see `Controller.update`."""
-    if not isinstance(scene, Scene):
-        raise OptionError(f"an update is to a Scene, and {reprlib.repr(scene)} is none; Scene.from_boxes makes one")
-    if vertices is not None and not (isinstance(vertices, Integral) and vertices >= 1):
-        raise OptionError(f"vertices is {reprlib.repr(vertices)}; it must be a whole number of at least 1, or None")
-    before, goal = space.scene, problem.scene.goal
-    if not _same(goal, scene.goal):
-        raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
-    timed = tree is None or tree.steering.timed
-    if scene.movers or (timed and before.movers):
-        raise OptionError(
-            f"an update changes static obstacles, and {len(scene.movers or before.movers)} move here; make another "
-            "Controller"
-        )
+    _refuse_others(problem, space, tree, scene, vertices)
+    before = space.scene
     parts = "lower", "upper", "footprint", "robot_height"
     alike = all(np.array_equal(getattr(before, part), getattr(scene, part)) for part in parts)
     if alike and len(before.obstacles) == len(scene.obstacles) and all(map(_same, before.obstacles, scene.obstacles)):
@@ -50,6 +39,26 @@ def renewed(
         grown.extend_by(kept_states(tree, round(TUNING.kept * wanted)))
         grown.grow(wanted)
     return replace(problem, scene=scene), now, grown
+
+
+def _refuse_others(
+    problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
+) -> None:  # fmt: skip
+    """Refuse what is no scene, has another goal, or moves, and what is no number of vertices."""
+    if not isinstance(scene, Scene):
+        raise OptionError(f"an update is to a Scene, and {reprlib.repr(scene)} is none; Scene.from_boxes makes one")
+    if vertices is not None and not (isinstance(vertices, Integral) and vertices >= 1):
+        raise OptionError(f"vertices is {reprlib.repr(vertices)}; it must be a whole number of at least 1, or None")
+    before = space.scene
+    goal = problem.scene.goal
+    if not _same(goal, scene.goal):
+        raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
+    timed = tree is None or tree.steering.timed
+    if scene.movers or (timed and before.movers):
+        raise OptionError(
+            f"an update changes static obstacles, and {len(scene.movers or before.movers)} move here; make another "
+            "Controller"
+        )
 
 
 def kept_states(tree: HomologyTree, most: int) -> Array:
