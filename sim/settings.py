@@ -227,13 +227,13 @@ class Settings:
     def __post_init__(self) -> None:
         _check(self, BY_SETTING)
 
-        defaults = {one.name: one.default for one in fields(self)}
         grow = self.grow or 0
         length = self.max_time / self.period
         most = (BY_SETTING["vertices"].bounds or PLACES)[1]
 
         size = self.vertices + grow * length
         for wrong, message in (
+            *self._sensing(),
             (self.budget is not None and (self.target_error is None or self.budget < self.samples),
              f"--budget is {self.budget}; it needs --target-error and at least --samples"),
             (self.real_time and self.target_error is not None,
@@ -243,16 +243,6 @@ class Settings:
             (length > RUN_PERIODS,
              f"--max-time {self.max_time:g} is {length:.3g} periods of --period {self.period:g}; a run has at most "
              f"{RUN_PERIODS:,}: lower the one or raise the other"),
-            (self.sense == "lidar" and (self.plant != "mujoco" or self.method == "optimal"),
-             f"--sense lidar needs a plant in MuJoCo and a method that replans, and this is --plant {self.plant} "
-             f"--method {self.method}"),
-            (self.unknown > 0.0 and self.method in TREELESS,
-             f"--unknown is a price of references, and --method {self.method} has none; leave it out"),
-            (self.sense == "map" and (self.lidar is not None or self.unknown > 0.0 or self.sense_pose > 0.0
-                                      or self.cell != defaults["cell"]),
-             "--lidar, --cell, --unknown and --sense-pose go with --sense lidar"),
-            (self.sense == "lidar" and self.risk is not None,
-             "--risk is the risk among known obstacles; leave it out with --sense lidar, and give --margin"),
             (grow and self.method in TREELESS,
              f"--grow is {grow}; --method {self.method} has no tree that could grow"),
             (not self.real_time and size > most,
@@ -261,6 +251,23 @@ class Settings:
         ):  # fmt: skip
             if wrong:
                 raise OptionError(message)
+
+    def _sensing(self) -> tuple[tuple[bool, str], ...]:
+        """Return what of a lidar's settings cannot be, and why."""
+        lidar = self.sense == "lidar"
+        parts = self.lidar is not None or self.unknown > 0.0 or self.sense_pose > 0.0
+        cell = {one.name: one.default for one in fields(self)}["cell"]
+        return (
+            (lidar and (self.plant != "mujoco" or self.method == "optimal"),
+             f"--sense lidar needs a plant in MuJoCo and a method that replans, and this is --plant {self.plant} "
+             f"--method {self.method}"),
+            (self.unknown > 0.0 and self.method in TREELESS,
+             f"--unknown is a price of references, and --method {self.method} has none; leave it out"),
+            (not lidar and (parts or self.cell != cell),
+             "--lidar, --cell, --unknown and --sense-pose go with --sense lidar"),
+            (lidar and self.risk is not None,
+             "--risk is the risk among known obstacles; leave it out with --sense lidar, and give --margin"),
+        )  # fmt: skip
 
 
 def _check(record: Settings | SceneOptions, options: Mapping[str, Option]) -> None:

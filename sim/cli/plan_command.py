@@ -220,14 +220,9 @@ def estimate(arguments: argparse.Namespace) -> int:
         raise OptionError(
             f"--method {settings.method} draws no samples to estimate from; add --truth to another method"
         )
-    x, time = state_of(arguments.at, scenario), arguments.time
-    if time > 0.0 and not scenario.moving:
-        raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")
-    place = x[scenario.system.adapter.position]
-    reads = scenario.problem.dynamics.reads(scenario.space.static.kernels.turns)
-    if scenario.space.moving.distance(x[list(reads)], time) <= 0.0:
-        there = f"a moving obstacle is there at {time:g} s; choose another state or --time"
-        raise OptionError(f"--at {' '.join(f'{v:g}' for v in place)}: {there}")
+    x = state_of(arguments.at, scenario)
+    time = arguments.time
+    _refuse_time(scenario, x, time)
     grid = None
     if arguments.truth:
         with Progress("exact value") as bar:
@@ -256,6 +251,17 @@ def estimate(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, estimate_json(scenario, references, estimates, truth, collisions))
     return 0
+
+
+def _refuse_time(scenario: Scenario, x: Array, time: float) -> None:
+    """Refuse a time [s] where nothing moves, or when a moving obstacle is at a state (n,)."""
+    if time > 0.0 and not scenario.moving:
+        raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")
+    place = x[scenario.system.adapter.position]
+    reads = scenario.problem.dynamics.reads(scenario.space.static.kernels.turns)
+    if scenario.space.moving.distance(x[list(reads)], time) <= 0.0:
+        there = f"a moving obstacle is there at {time:g} s; choose another state or --time"
+        raise OptionError(f"--at {' '.join(f'{v:g}' for v in place)}: {there}")
 
 
 def state_of(at: list[float], scenario: Scenario) -> Array:

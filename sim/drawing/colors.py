@@ -164,6 +164,12 @@ def worded(
     M = len(names)
     called = numbered([*names, *movers])
 
+    def moving(name: str, chosen: Sequence[int]) -> list[str]:
+        few = len(movers) <= FEW
+        some = [k for k in chosen or range(M, len(called)) if k >= M and (chosen or few or windings[name][k])]
+        by = (passed or {}).get(name, ())
+        return [f"{by[k - M]} {called[k]}" for k in some]
+
     def sentence(name: str, rivals: Collection[str]) -> str:
         mine = windings[name]
         chosen = telling(mine, [windings[rival] for rival in rivals])
@@ -173,10 +179,7 @@ def worded(
         parts = [f"{side} {' and '.join(group)}" for side, group in groups.items() if group]
         if M == 2 and groups[RIGHT] and groups[LEFT]:  # of many it need not lead through the gap
             parts = [f"between {groups[RIGHT][0]} and {groups[LEFT][0]}"]
-        few = len(movers) <= FEW
-        moving = [k for k in chosen or range(M, len(called)) if k >= M and (chosen or few or mine[k])]
-        by = (passed or {}).get(name, ())
-        return ", ".join([*parts, *(f"{by[k - M]} {called[k]}" for k in moving)]) or "straight ahead"
+        return ", ".join([*parts, *moving(name, chosen)]) or "straight ahead"
 
     found = {name: sentence(name, windings if among is None else among) for name in windings}
     often = Counter(found.values())  # two that are alike are not both in `among`, and are set apart from all

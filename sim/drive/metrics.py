@@ -225,17 +225,9 @@ class EpisodeMetrics:
         """Take the next period into account; by a clock, how late each physics step began, (k,) [s]."""
         plan = made.plan
         begin = self.time
-        last = self.last
         task = self._task
         seen = plan.space is not None and plan.space.grain is not None  # a map, of which the plant knows more
-
-        if plan.space is not None and plan.space is not self._space:
-            if last is not None and made.run is last.run:  # among other obstacles, to the same goal
-                self._driven.enter(plan.space.homology)
-            else:
-                self._driven = Driven(task.homology, plan.state, begin)
-            self._space = plan.space
-            self._checker = self._checker if seen else ClearanceChecker(plan.space.scene, self._adapter)
+        self._enter(made, begin, seen)
         clearance = advance.clearance if seen else self._checker.least(plan.state[None], np.array([begin]))
 
         self._off.extend(advance.off)
@@ -250,18 +242,7 @@ class EpisodeMetrics:
         outcome = ending(advance, begin, self._max_time)
         driven = self._driven.winding()
         news = self._count(plan, begin)
-        missed = made.plan_seconds > self._period
-        if late is not None:
-            self._late.append(late)
-            missed = made.begin < begin - GRACE
-            if not missed and last is not None:
-                parts = () if plan.estimate is None else plan.estimate.parts
-                self._ready.append((sum(part.size for part in parts), made.slack))
-        self.plan_seconds.append(made.plan_seconds)
-        if (known := made.believed) is not None and known.scan is not self._scan:
-            self._scan = known.scan
-            self.map_seconds.append(known.seconds)
-        self.deadline_misses += missed
+        self._time(made, begin, late)
         if outcome is not None:
             self.outcome = outcome.name.lower()
             news.append(f"{self.outcome} at {self.time:.2f} s")
@@ -277,6 +258,33 @@ class EpisodeMetrics:
         )  # fmt: skip
         self.steps += 1
         return self.last
+
+    def _enter(self, made: TimedPlan, begin: float, seen: bool) -> None:
+        """Continue among the obstacles of a plan, if they are others than before."""
+        plan = made.plan
+        if plan.space is None or plan.space is self._space:
+            return
+        if self.last is not None and made.run is self.last.run:  # among other obstacles, to the same goal
+            self._driven.enter(plan.space.homology)
+        else:
+            self._driven = Driven(self._task.homology, plan.state, begin)
+        self._space = plan.space
+        self._checker = self._checker if seen else ClearanceChecker(plan.space.scene, self._adapter)
+
+    def _time(self, made: TimedPlan, begin: float, late: Array | None) -> None:
+        """Note how long a plan and its map took, and by a clock how late it and its physics steps (k,) were [s]."""
+        missed = made.plan_seconds > self._period
+        if late is not None:
+            self._late.append(late)
+            missed = made.begin < begin - GRACE
+            if not missed and self.last is not None:
+                parts = () if made.plan.estimate is None else made.plan.estimate.parts
+                self._ready.append((sum(part.size for part in parts), made.slack))
+        self.plan_seconds.append(made.plan_seconds)
+        if (known := made.believed) is not None and known.scan is not self._scan:
+            self._scan = known.scan
+            self.map_seconds.append(known.seconds)
+        self.deadline_misses += missed
 
     def _count(self, plan: Plan, begin: float) -> list[str]:
         """Count a plan of a time [s]; return lines for a person on what is new."""
