@@ -8,7 +8,7 @@
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py effective   effective samples of all plans of drives: six robots, scenes, worlds of BARN
     python scripts/benchmark.py barn        success, time and score of a Jackal with lidar in worlds of BARN (50, or
-                                            --worlds); --known: with the map; --method: by another
+                                            --worlds, or --scenes grown); --known: with the map; --method: by another
     python scripts/benchmark.py sensing     rooms driven with a lidar: time of a map's update, classes that change
     python scripts/benchmark.py dynabarn    the same among moving cylinders: 15 worlds of DynaBARN by lidar, or --known
     python scripts/benchmark.py worst       where their 30 (--plans) weakest plans lose these, and what is to blame
@@ -95,7 +95,8 @@ def main() -> int:
     random.add_argument(
         "--scenes",
         type=int,
-        help="random scenes (30; of the car 3; of `--part moving` the built-in ones), or BARN's worlds",
+        help="random scenes (30; of the car 3; of `--part moving` the built-in ones), or BARN's worlds; of `barn` "
+        "worlds that are grown",
     )
     random.add_argument("--states", type=int, help="random states in each (12; of the car 8); of `mass` in all (20)")
     random.add_argument(

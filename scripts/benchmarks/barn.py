@@ -1,7 +1,7 @@
 """Worlds of BARN (Perille et al. 2020), driven by a Jackal and scored by the rules of the challenge of 2026.
 
-It has a lidar and no map, or with --known the map. The worlds are those of a folder next to the repository; `sim.barn`
-says what a course is. With --json each run is written too.
+It has a lidar and no map, or with --known the map. The worlds are those of a folder next to the repository, or with
+--scenes so many that `sim.barn` grows, which says what a course is. With --json each run is written too.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import numpy as np
 from benchmarks.moving_text import prepared
 from benchmarks.pool import spread
 
+from pirrht.arrays import Array
 from pirrht.control.mapped import Mapped
 from pirrht.control.settings import TREELESS
 from pirrht.errors import NoReference, OptionError, SceneError
@@ -22,6 +23,7 @@ from sim.scenario import Scenario
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "barn"
 STOOD = 0.2  # time in which a robot that stands moves less than a few centimetres [s]
 RUNS = 10
+GROWN = "grown "  # and a seed: the name of a world that is grown
 ENDS = ("goal", "collision", "timeout", "no path")
 HEADER = ["world", "runs", *ENDS, "time [s]", "score", "step [ms]", "99 %", "map [ms]", "99 %", "weakest"]
 NOTE = "a reproduction in MuJoCo, not the challenge's Gazebo"
@@ -35,12 +37,21 @@ def worlds() -> list[str]:
 
 def world(number: str, **given: Any) -> str:
     """A world as MJCF, by what `sim.barn.text` takes."""
-    posts = np.array(barn.read(FOLDER / "test50.json")[number], dtype=float)
-    return barn.text(f"barn {number}", posts, **{"classes": 8, **given})  # half of what the Gym environment has
+    text = {"classes": 8, **given}  # half of what the Gym environment has
+    return barn.text(f"barn {number}", posts_of(number), **text)
+
+
+def posts_of(number: str) -> Array:
+    """The centres (k, 2) of the cylinders of a world [m]."""
+    if number.startswith(GROWN):
+        return barn.grown(int(number.removeprefix(GROWN)))
+    return np.array(barn.read(FOLDER / "test50.json")[number], dtype=float)
 
 
 def length(number: str) -> float:
     """The length of the path that the challenge compares with [m]."""
+    if number.startswith(GROWN):
+        return barn.length(posts_of(number))
     return float(barn.read(FOLDER / "paths.json")["length"][number])
 
 
@@ -115,8 +126,12 @@ def row(name: str, found: list[dict[str, Any]]) -> list[str]:
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON."""
     numbers = options.worlds or worlds()
-    if not numbers or not set(numbers) <= set(worlds()):
-        raise OptionError(f"{FOLDER} must hold the worlds; it has {', '.join(worlds()) or 'none'}")
+    if options.scenes:
+        numbers = [f"{GROWN}{seed}" for seed in range(options.scenes)]
+    elif not numbers or not set(numbers) <= set(worlds()):
+        raise OptionError(
+            f"{FOLDER} must hold the worlds; it has {', '.join(worlds()) or 'none, and --scenes 50 grows others'}"
+        )
     seeds = range(options.first_seed, options.first_seed + min(options.seeds, RUNS))
     jobs = [Run(number, seed, options.known, options.method) for number in numbers for seed in seeds]
     found = list(spread(figures, jobs, options.workers, "runs"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from benchmarks import barn, dynabarn, effective
 
-from sim.barn import START
+from sim.barn import FASTEST, START, grown, length
 from sim.mjcf import load
 
 NEEDS_MOTIONS = pytest.mark.skipif(not dynabarn.levels(), reason="the worlds of DynaBARN are not here")
@@ -35,6 +35,13 @@ def test_a_world_has_its_cylinders_start_and_length(tmp_path):
     np.testing.assert_allclose([*scene.lower, *scene.upper, *scene.start], [0.0, 0.0, 4.5, 14.5, *START])
     np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], [2.25, 13.0, 1.0])
     assert (barn.length("0"), barn.length("30")) == pytest.approx((13.5923, 11.8459), abs=1e-3)
+
+
+def test_a_grown_world_needs_no_folder_and_is_scored_by_its_own_length():
+    run = barn.Run(f"{barn.GROWN}3", 0)
+    assert len(run.scenario().loaded.scene.obstacles) == len(grown(3))
+    np.testing.assert_array_equal(barn.posts_of(run.world), grown(3))
+    assert run.best == length(grown(3)) / FASTEST
 
 
 @NEEDS_WORLDS
