@@ -170,4 +170,6 @@ class Mppi(Policy):
 
     def governed(self, plan: Plan) -> Plan:
         """Return a plan whose controls keep to speeds from which the robot can stop, among static obstacles."""
-        return governed(plan, self.problem.dynamics, self.space.static, self.deceleration, blind=self.blind)
+        return governed(
+            plan, self.problem.dynamics, self.space.static, self.deceleration, now=self.run.now, blind=self.blind
+        )

@@ -4,7 +4,7 @@ Plans change speeds at once, and wheels with inertia do not. A control is admiss
 it until it has braked, meets nothing. Of one that is not, the largest admissible share is taken: the curvature of the
 path stays. Where no share is, the robot turns on the spot if that is free.
 
-A robot that a lidar guides also stops before what its lidar never showed on its blind side: it turns to look.
+Before a robot enters what its lidar never showed on its blind side, it turns to look; where it cannot, it is slow.
 """
 
 import math
@@ -27,8 +27,11 @@ class GovernorTuning(NamedTuple):
     lag: float = 0.2  # time until brakes act: wheels are not at the speed that was commanded, and plans are old [s]
     every: float = 0.02  # time for which a share is kept [s]
     spacing: float = 0.04  # of the poses on the way that are judged [m]
-    shares: tuple[float, ...] = (0.85, 0.7, 0.55, 0.4, 0.25, 0.1)  # of a control that is not admissible, in turn
+    shares: tuple[float, ...] = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1)  # of the control that are tried
     look_rate: float = 2.0  # rate at which the robot turns to look [rad/s]
+    look_angle: float = 0.75 * math.pi  # by which it does: what was behind is ahead then [rad]
+    look_apart: float = 0.5  # between the places of two looks at least [m]
+    unseen_speed: float = 0.3  # on a way that is hidden where the robot cannot look [m/s]
 
 
 TUNING = GovernorTuning()
@@ -49,49 +52,67 @@ class Governor:
     def admissible(self, x: Array, u: Array, s: float = 0.0) -> Array:
         """Return the largest admissible share of a control (m,) at state x (n,), or what of it moves no place.
 
-        It is s [s] after the plan began. If the way is hidden, the robot turns in addition.
+        It is s [s] after the plan began.
         """
-        way = self._way(x, u)
-        hidden = self._hidden(way)
-        if not hidden and self._free(way, s):
-            return u
-        gain = self._gain(x)
-        onward = np.linalg.pinv(gain) @ (gain @ u)
-        if hidden and (looking := self._looking(x, onward, s)) is not None:
-            return looking
-        for share in self.tuning.shares[-1:] if hidden else self.tuning.shares:
+        if self.blind is not None and self.now + s >= self.blind.time:
+            self.blind.time = self.now + s
+            u = self._looking(self.blind, x, u, s)
+        for share in self.tuning.shares:
             if self._free(self._way(x, share * u), s):
                 return share * u
-        spot = u - onward
+        _, spot = self._parts(x, u)
         return spot if self._free(self._way(x, spot), s) else np.zeros(len(u))
 
-    def _looking(self, x: Array, onward: Array, s: float) -> Array | None:
-        """Return the largest share of a control (m,) with a turn on the spot, to look; None: no turn is free."""
-        assert self.blind is not None
+    def _looking(self, blind: BlindSide, x: Array, u: Array, s: float) -> Array:
+        """Return a turn on the spot while the robot looks, else a control (m,), slow where its way is hidden.
+
+        A look goes on until what was behind is ahead, whatever plans want meanwhile, and is the only one near its
+        place: what it has not shown is hidden behind something, or the robot has no room to turn.
+        """
+        t = self.tuning
+        pose = x[list(self.dynamics.reads(True))]
+        onward, spot = self._parts(x, u)
+        turn = self._parts(x, np.ones(len(u)))[1]
+        turn *= t.look_rate / np.hypot.reduce(turn)
+        hidden = blind.heading is None and self._hidden(self._way(x, u))
+        if hidden and (blind.looked is None or np.hypot(*(pose[:2] - blind.looked)) > t.look_apart):
+            pieces = math.ceil(t.look_angle * blind.footprint.reach / t.spacing)
+            for side in (1.0, -1.0) if spot @ turn >= 0.0 else (-1.0, 1.0):
+                if self._free(self._way(x, side * turn, t.look_angle / t.look_rate, pieces), s):
+                    blind.side = side
+                    blind.heading = float(pose[2]) + side * t.look_angle
+                    break
+        if blind.heading is not None:
+            rest = math.remainder(blind.side * (blind.heading - pose[2]), 2.0 * math.pi)
+            if rest > 0.0 and self._free(self._way(x, blind.side * turn), s):
+                return np.asarray(blind.side * turn)
+            blind.heading = None
+            blind.looked = pose[:2].copy()
+        if not hidden:
+            return u
+        least = min(1.0, t.unseen_speed / max(float(np.hypot.reduce(self._gain(x) @ u)), 1e-9))
+        for share in (share for share in t.shares if share > least):
+            if not self._hidden(self._way(x, spot + share * onward)):
+                return spot + share * onward
+        return spot + least * onward
+
+    def _parts(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return what of a control (m,) moves the place, and what does not."""
         gain = self._gain(x)
-        turn = np.ones(len(onward))
-        turn -= np.linalg.pinv(gain) @ (gain @ turn)
-        turn *= self.tuning.look_rate / np.hypot.reduce(turn)
-        for side in (self.blind.side, -self.blind.side):
-            for share in (*self.tuning.shares, 0.0):
-                u = share * onward + side * turn
-                way = self._way(x, u)
-                if self._free(way, s) and not self._hidden(way):
-                    self.blind.side = side
-                    return u
-        return None
+        onward = np.linalg.pinv(gain) @ (gain @ u)
+        return onward, u - onward
 
     def _gain(self, x: Array) -> Array:
         """Return how controls move the place (d, m) [m/s per control]."""
         d = self.dynamics
         return np.asarray(d.G_c(x)[: len(d.position)])
 
-    def _way(self, x: Array, u: Array) -> list[tuple[float, Array]]:
-        """Return times [s] and states (n,) of a robot that drives under a control (m,) until it has braked."""
+    def _way(self, x: Array, u: Array, time: float | None = None, pieces: int = 2) -> list[tuple[float, Array]]:
+        """Return times [s] and states (n,) of a robot that drives under a control (m,), None: until it has braked."""
         d = self.dynamics
         speed = float(np.hypot.reduce(self._gain(x) @ u))
-        time = self.tuning.lag + 0.5 * speed / self.deceleration
-        pieces = max(2, math.ceil(speed * time / self.tuning.spacing))
+        time = self.tuning.lag + 0.5 * speed / self.deceleration if time is None else time
+        pieces = max(pieces, math.ceil(speed * time / self.tuning.spacing))
         still = np.zeros(d.m)
         way = [(0.0, x)]
         for k in range(1, pieces + 1):

@@ -1,4 +1,4 @@
-"""Tell what of a robot's way its lidar has never shown, since it looks elsewhere."""
+"""Tell what of a robot's way its lidar has never shown, since it looks elsewhere, and note where the robot looked."""
 
 from dataclasses import dataclass, field
 
@@ -18,13 +18,19 @@ class BlindSide:
         grid: what scans have shown.
         footprint: of the robot.
         scan: the last one; None: nothing is hidden.
-        side: to which the robot turns to look, 1 to the left and -1 to the right.
+        heading: until which the robot turns to look [rad]; None: it does not.
+        side: to which it does, 1 to the left and -1 to the right.
+        looked: where it did last, (2,) [m].
+        time: of the last decision about it, on the run's clock [s]; decisions on what was earlier change nothing.
     """
 
     grid: OccupancyMap
     footprint: Footprint
     scan: Scan | None = None
+    heading: float | None = None
     side: float = 1.0
+    looked: Array | None = None
+    time: float = -np.inf
     _edge: Array = field(init=False, repr=False)  # points of the outline, a cell apart, (n, 2) [m]
 
     def __post_init__(self) -> None:

@@ -94,13 +94,14 @@ def test_a_robot_that_reverses_turns_to_look_and_meets_no_wall_that_its_lidar_ne
         x = np.array([6.5, y, 0.0])
         blind = BlindSide(grid=OccupancyMap(bare.lower, bare.upper), footprint=bare.footprint)
         clearances = []
-        for _ in range(40):
+        for k in range(40):
             blind.scan = scan_of(truth.scene.obstacles, x, fov=1.5 * np.pi)
             blind.grid.integrate(blind.scan, free_around=bare.footprint.inscribed)
             known = FreeSpace.of(blind.grid.scene(bare), 0.05)
             g = Governor(
-                dynamics=Rover(b=0.05), static=known.static, deceleration=DECELERATION, blind=blind if looks else None
-            )
+                dynamics=Rover(b=0.05), static=known.static, deceleration=DECELERATION, now=0.1 * k,
+                blind=blind if looks else None,
+            )  # fmt: skip
             law = GovernedLaw(lambda x, s: np.array([-1.5, 0.0]), g)
             for s in np.arange(0.0, 0.1, 0.02):
                 x = g.dynamics.step(x, law(x, s), np.zeros(2), 0.02)
