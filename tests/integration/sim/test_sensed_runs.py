@@ -49,6 +49,29 @@ def test_a_pocket_is_left_again_once_its_floor_is_seen(tmp_path):
         assert frames[-1].metrics.class_reversals <= 3
 
 
+BAY = """<mujoco model="bay"><custom><numeric name="pirrht_margin" data="0.03"/></custom><worldbody>
+  <geom name="left side" type="box" pos="6.5 3.4 0.3" size="0.5 0.1 0.3"/>
+  <geom name="right side" type="box" pos="6.5 2.6 0.3" size="0.5 0.1 0.3"/>
+  <geom name="end" type="box" pos="7.1 3 0.3" size="0.1 0.5 0.3"/>
+  {post}
+  <site name="start" pos="{start} 3 0"/><site name="goal" type="cylinder" pos="1 3 0" size="0.4 0.01"/>
+  <site name="workspace" type="box" pos="4 3 0.5" size="4 3 0.5"/>
+</worldbody></mujoco>"""
+POST = '<geom name="post" type="cylinder" pos="3.5 3 0.25" size="0.1 0.25"/>'
+
+
+@pytest.mark.parametrize(("start", "post", "most"), [(6.5, "", 15.0), (5.0, POST, 12.0)])
+def test_a_robot_whose_goal_is_behind_it_looks_or_backs_out_slowly_and_arrives_without_dithering(
+    tmp_path, start, post, most
+):
+    """In the bay it has no room to turn; from the other start it would reverse into a post that it cannot see."""
+    file = tmp_path / "bay.xml"
+    file.write_text(BAY.format(start=start, post=post))
+    for seed in range(2):
+        _, _, frames = driven(file, seed=seed, max_time=most)
+        assert frames[-1].outcome is Outcome.GOAL
+
+
 def test_equal_seeds_give_equal_runs_and_a_wrong_pose_another_one():
     states = []
     for options in ({}, {}, {"sense_pose": 0.02}):

@@ -109,6 +109,53 @@ def test_a_robot_that_reverses_turns_to_look_and_meets_no_wall_that_its_lidar_ne
         assert (min(clearances) > 0.0) == looks
 
 
+def looking(walls: list[list[float]], x: np.ndarray) -> Governor:
+    """Of a cart that has seen walls from a state, with a lidar that leaves a gap at its back."""
+    task = {**TASK, "footprint": Footprint.rectangle(0.508, 0.43)}
+    space = FreeSpace.of(Scene.from_boxes(walls, **task))
+    blind = BlindSide(grid=OccupancyMap(space.scene.lower, space.scene.upper), footprint=space.scene.footprint)
+    blind.scan = scan_of(space.scene.obstacles, x, fov=1.5 * np.pi)
+    blind.grid.integrate(blind.scan)
+    return Governor(dynamics=Rover(b=0.05), static=space.static, deceleration=DECELERATION, blind=blind)
+
+
+def test_a_look_goes_on_whatever_the_law_wants_meanwhile_and_is_the_only_one_near_its_place():
+    x = np.array([6.0, 2.0, 0.0])
+    g = looking([WALL], x)
+    turned = []
+    for s in np.arange(0.0, 2.0, 0.02):
+        asked = np.array([-1.0, -3.0 if s else 3.0])
+        u = g.admissible(x, asked, s)
+        if u[0] < -0.1:
+            break
+        np.testing.assert_allclose(u, [0.0, TUNING.look_rate], atol=1e-9)
+        turned.append(u[1] * 0.02)
+        x = g.dynamics.step(x, u, np.zeros(2), 0.02)
+    assert np.sum(turned) == pytest.approx(TUNING.look_angle, abs=0.04)
+    again = g.admissible(x, np.array([-1.0, 0.0]), s + 0.02)  # it may be hidden still
+    assert again[0] <= -TUNING.unseen_speed + 1e-9
+    assert again[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_where_there_is_no_room_to_turn_the_robot_backs_out_slowly_and_steers_as_before():
+    x = np.array([5.0, 2.0, 0.0])
+    narrow = looking([[3.0, 2.3, 7.0, 2.5], [3.0, 1.5, 7.0, 1.7]], x)
+    u = narrow.admissible(x, np.array([-1.2, 0.3]))
+    np.testing.assert_allclose(u, [-TUNING.unseen_speed, 0.3], atol=1e-9)
+    assert narrow.blind.heading is None
+
+
+def test_decisions_on_what_was_earlier_change_no_look():
+    x = np.array([6.0, 2.0, 0.0])
+    g = looking([WALL], x)
+    g.blind.time = 5.0
+    u = np.array([-1.0, 0.5])
+    np.testing.assert_array_equal(g.admissible(x, u, 4.9), u)
+    assert g.blind.heading is None
+    g.admissible(x, u, 5.0)
+    assert g.blind.heading == pytest.approx(TUNING.look_angle)
+
+
 def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -> float:
     """Of 1 m/s to the right from (1, 2) while a disc of 0.3 m is at a place at 0 s and moves."""
     ends = np.array([(x, y), np.add((x, y), np.multiply(10.0, velocity))])
