@@ -5,6 +5,7 @@ tracks predict them. A new map changes the scene as `Controller.update` does: ob
 their names as far as they go on, and so does what the run knows of them.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -23,7 +24,7 @@ from pirrht.control.map_update import Renewed
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.settings import TUNING, TimeBudget
-from pirrht.errors import SceneError
+from pirrht.errors import NoReference, SceneError
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import height_of_walls
 from pirrht.geometry.solids import discs
@@ -146,7 +147,29 @@ class Mapped(Policy):
             return shifted(self.controller.governed(plan), error)
         if self._pool is not None:
             left = TimeBudget(left).less(TUNING.mapping) if left is not None else None
-        return shifted(self.controller.plan(x + error, left), error)
+        return shifted(self._planned(x + error, left), error)
+
+    def _planned(self, x: Array, left: Callable[[], float] | None) -> Plan:
+        """Return the controller's plan at x (n,); a tree without a path gains vertices."""
+        while True:
+            try:
+                plan = self.controller.plan(x, left)
+            except NoReference:
+                if not self._grow():
+                    raise
+            else:
+                if plan.fallback == "no reference":
+                    self._grow()
+                return plan
+
+    def _grow(self) -> bool:
+        """Let the tree gain vertices, up to a number and unless another one is on the way; return whether it did."""
+        tree = self.tree
+        if tree is None or self._pending is not None or tree.size >= TUNING.unreached * self._vertices:
+            return False
+        before = tree.size
+        tree.grow(before + math.ceil(TUNING.growth * self._vertices))
+        return bool(tree.size > before)
 
     def _renew(self) -> None:
         """Continue in the newest map that is examined, and have the next one examined."""

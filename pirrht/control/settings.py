@@ -68,6 +68,8 @@ class ControlTuning(NamedTuple):
     # Trees and first plans of a run
     elsewhen: float = 0.1  # a run that begins so much later than its tree assumes regrows it
     regrowth: int = 400  # vertices that such a tree gains, about a third of a usual one
+    growth: float = 0.1  # share of its vertices that the tree of a map gains while it holds no path
+    unreached: float = 4.0  # times its vertices at most
     kept: float = 0.8  # most vertices of an updated tree that are those of the last, as a share: others are new draws
     thorough: int = 4  # cheapest classes whose first guides are improved from all initialisations; each takes 10 ms
     off_walls: float = 0.01  # clearance of a plan that begins in the safety margin, in radii of the robot

@@ -9,7 +9,7 @@ from trees import grown
 
 from pirrht import Controller, FreeSpace, Goal, Mppi, Problem, Sampling, Scene, SingleIntegrator, StraightLine
 from pirrht.control.mapped import Mapped
-from pirrht.errors import PirrhtError
+from pirrht.errors import NoReference, PirrhtError
 from pirrht.mapping.scan import Scan
 from pirrht.mapping.tracker import Track
 from pirrht.systems.dynamics import Dynamics
@@ -22,12 +22,12 @@ START = np.array([0.5, 2.0])
 GRAIN = 0.05
 
 
-def mapped(*, unknown: float = 0.0, seed: int = 1, **more) -> Mapped:
+def mapped(*, unknown: float = 0.0, seed: int = 1, vertices: int = 200, **more) -> Mapped:
     """A puck that knows nothing yet."""
     scene = Scene.from_boxes(np.empty((0, 4)), **TASK)
     problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
     space = FreeSpace.of(scene, GRAIN)
-    tree = grown(space, StraightLine.of(problem), 200, limit=0.8)
+    tree = grown(space, StraightLine.of(problem), vertices, limit=0.8)
     sampling = Sampling(samples=100)
     controller = Controller(problem, space, tree, sampling, rng=np.random.default_rng(seed), **more)
     return Mapped(controller, unknown=unknown)
@@ -64,6 +64,21 @@ def test_what_nobody_has_seen_is_free_and_a_scan_makes_two_classes_of_one():
     assert len(found.ids) == 2
     assert not policy.space.free(np.array([2.52, 2.0]))
     assert policy.space.free(np.array([2.8, 2.0]))  # behind the face that was seen
+
+
+def test_a_tree_that_holds_no_path_in_the_map_grows_until_it_does_or_is_four_times_as_large():
+    gap, shut = [2.5, -0.1, 3.0, 3.3], [2.5, -0.1, 3.0, 4.1]
+    policy = mapped(vertices=4)
+    policy.begin(START)
+    look(policy, [gap], (0.5, 2.0))
+    assert policy.plan(START).fallback is None
+    assert 4 < policy.tree.size <= 16
+
+    policy.begin(START)
+    look(policy, [shut], (0.5, 2.0))
+    with pytest.raises(NoReference):
+        policy.plan(START)
+    assert policy.tree.size == 16
 
 
 def test_a_begun_run_forgets_the_map():
