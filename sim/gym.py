@@ -306,7 +306,9 @@ class DynaBarn(Barn):
         options: those of `Barn`.
     """
 
-    def __init__(self, worlds: str | Path | Mapping[str, Any], **options: Any) -> None:
+    def __init__(self, worlds: str | Path | Mapping[str, Any] | None = None, **options: Any) -> None:
+        if worlds is None:
+            raise OptionError("DynaBarn has no worlds of its own; give worlds=FILE, the JSON file of a set of motions")
         super().__init__(worlds, **{"footprint": "jackal"} | options)  # the file has another robot's radius
 
     def _write(self, world: str) -> float:

@@ -147,7 +147,8 @@ def planned(
         tree = scenario.grown_tree(bar.to, at)
     references = scenario.references(tree, waits=waits)
     if not references:
-        say("no class reaches the goal from the start past moving obstacles: the robot waits for a path")
+        past = "past moving obstacles: the robot waits for a path" if scenario.moving else "in the first map"
+        say(f"no class reaches the goal from the start {past}")
     report_limit(scenario, tree)
     return tree, references
 

@@ -191,8 +191,8 @@ def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
         (why, _), *_ = run.reasons.most_common()
         say(f"{REASONS[why]} for most of the time: {REMEDIES[why]}")
     if run.outcome == "collision" and scenario.settings.risk is None:
-        say("noise moves the robot between two controls: --risk 0.01 or --margin M [m] makes plans leave more "
-            "clearance")  # fmt: skip
+        risk = "" if scenario.settings.sense == "lidar" else "--risk 0.01 or "
+        say(f"noise moves the robot between two controls: {risk}--margin M [m] makes plans leave more clearance")
     if run.doubtful_plans:
         say(f"{run.doubtful_plans} of {counted(run.steps, 'plan')} had fewer than {TUNING.few:g} effective samples, "
             f"the weakest {run.least_ess:.1f} at {run.least_ess_time:.2f} s: their controls are guesses; try more "

@@ -216,7 +216,8 @@ def concave_meshes(model: mujoco.MjModel, solids: Mapping[int, Obstacle]) -> dic
             from trimesh import Trimesh
 
             parts = mesh_of(model, geom), (hull.vertices, hull.faces)
-            mine, whole = (abs(float(Trimesh(*part, process=False).volume)) for part in parts)
+            with np.errstate(all="ignore"):  # an open mesh may have a volume of zero, by which trimesh divides
+                mine, whole = (abs(float(Trimesh(*part, process=False).volume)) for part in parts)
             if mine < CONVEX * whole:
                 found[geom] = f"{geom_label(model, geom)} ({whole:.3g} m3, of which the mesh fills {mine:.3g})"
     return found

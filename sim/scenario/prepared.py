@@ -30,6 +30,7 @@ SHARE = 0.25  # of the clearance that the robot has in the narrowest passage, at
 OPEN = 2.0  # times the margin is the clearance at both ends of a passage with a disc of its own
 DISC = 1.25  # radius of this disc, in distances of the farther end from the middle
 STEPS = 20  # of a time, by which noise adds up
+MAPPED = 1000  # vertices of the tree of a map at most, if not given: every new map grows another one
 UNMAPPED = 1.5  # H_limit at least without a map, if not given: where a way is shut, back is around what is known
 GRAIN = 1.0  # of a cell, by which clearances in a map may be too low: less takes longer
 WORTH = 2e-3  # a smaller margin is none [m]
@@ -66,8 +67,10 @@ def prepare(
     refuse(kind, given)
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers and loaded.scene.dimension == 2 else kind.settings
     settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, given)
-    if settings.sense == "lidar" and given.get("limit") is None:
-        settings = replace(settings, limit=max(settings.limit, UNMAPPED))
+    if settings.sense == "lidar":
+        limit = settings.limit if given.get("limit") is not None else max(settings.limit, UNMAPPED)
+        vertices = settings.vertices if given.get("vertices") is not None else min(settings.vertices, MAPPED)
+        settings = replace(settings, limit=limit, vertices=vertices)
 
     def at(margin: float | None, narrow: tuple[Waiver, ...] = (), **changes: Any) -> Scenario:
         pause()

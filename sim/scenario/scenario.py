@@ -241,12 +241,12 @@ class Scenario:
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
         """Return the best path of every class from the start, cheapest first; NoReference: there is none.
 
-        Among moving obstacles that is no error if the robot `waits` for a path.
+        Among moving obstacles, or without a map, that is no error if the robot `waits` for a path.
         """
         try:
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
         except NoReference as error:
-            if waits and self.moving:
+            if waits and (self.moving or self.settings.sense == "lidar"):
                 return []
             left = self.space.margin_left(self.start)
             own = self.space.scene.margin - self.margin  # of the footprint
