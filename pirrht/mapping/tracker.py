@@ -1,9 +1,12 @@
 """Track moving obstacles from scan to scan: discs of constant velocity, by a Kalman filter each.
 
-What is hit where it had been free may move. It is tracked from then on, and once it moves beyond doubt it is no part of
-the map. A hit belongs to the circle that it is expected nearest to, so two things that cross stay two.
+What is hit where it had been free, and where rays of an earlier scan went on, may move. Along a wall rays pass its
+cells before they hit it, so the map alone cannot tell. What may move is tracked from then on, and once it moves beyond
+doubt it is no part of the map. A hit belongs to the circle that it is expected nearest to, so two things that cross
+stay two.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
@@ -67,6 +70,7 @@ class Tracker:
     tuning: TrackTuning = TRACKS
     known: list[Track] = field(default_factory=list)
     time: float = 0.0  # of the last scan [s]
+    _scans: deque[Scan] = field(default_factory=lambda: deque(maxlen=TRACKS.before))
     _numbers: "count[int]" = field(default_factory=lambda: count(1))
 
     @property
@@ -85,7 +89,8 @@ class Tracker:
 
         rays = np.flatnonzero(np.isfinite(scan.ranges))
         points = scan.points
-        new = grid.surprises(points)
+        new = grid.surprises(points) & self._passed(points)
+        self._scans.append(scan)
         expected = [one.predicted(dt, tuning.agility) for one in self.known]
         owner = self._owners(expected, points, new)
         found = list[Track]()
@@ -104,6 +109,19 @@ class Tracker:
                     grid.clear(one.at(ahead), one.radius + grid.cell)
         self.known = self._kept([*found, *born])
         return passing
+
+    def _passed(self, points: Array) -> BoolArray:
+        """Return which of the places (h, 2) [m] rays of an earlier scan passed."""
+        tuning = self.tuning
+        found = np.zeros(len(points), dtype=np.bool_)
+        for scan in self._scans:
+            x, y = (points - scan.pose[:2]).T
+            angles = np.mod(np.arctan2(y, x) - scan.pose[2] - scan.angles[0], 2.0 * np.pi) + scan.angles[0]
+            after = np.searchsorted(scan.angles, angles)
+            inside = after < len(scan.angles)
+            around = np.clip(after[:, None] + np.arange(-2, 2), 0, len(scan.angles) - 1)
+            found |= inside & (scan.ranges[around].min(axis=1) > np.hypot(x, y) + tuning.passed)
+        return found
 
     def _owners(self, expected: Sequence[Track], points: Array, new: BoolArray) -> IntArray:
         """Return which circle each of the points (h, 2) [m] belongs to, -1 for none, (h,)."""

@@ -22,6 +22,8 @@ class MapTuning(NamedTuple):
 class TrackTuning(NamedTuple):
     """Numbers that moving things are tracked by."""
 
+    before: int = 10  # earlier scans that tell what had been free
+    passed: float = 0.1  # by which their rays went on, at least [m]
     gap: float = 0.2  # between neighbouring hits of one thing, at most [m]
     fewest: int = 3  # hits of a thing that is noticed
     new: float = 0.3  # share of its hits that are where it had been free, at least

@@ -21,8 +21,8 @@ class Watch:
         self.rng = np.random.default_rng(1)
         self.time = 0.0
 
-    def see(self, *rows: tuple[float, float, float], pose: np.ndarray = POSE) -> None:
-        solids = [*ROOM, *(discs(rows, 1.0) if rows else ())]
+    def see(self, *rows: tuple[float, float, float], pose: np.ndarray = POSE, walls=()) -> None:
+        solids = [*ROOM, *walls, *(discs(rows, 1.0) if rows else ())]
         scan = scan_of(solids, pose, fov=np.radians(270))
         ranges = scan.ranges + 0.001 * self.rng.standard_normal(len(scan.ranges))
         scan = Scan(pose=pose, angles=scan.angles, ranges=ranges, most=scan.most, time=self.time)
@@ -86,6 +86,21 @@ def test_a_thing_that_stands_is_a_wall_at_once_and_stays_one_as_the_robot_drives
         assert not watch.tracks.moving
         assert watch.walls_near(4.0, 3.5, 0.35) > 5
     assert watch.walls_near(5.0, 1.5, 0.15) > 1
+
+
+def test_a_thin_wall_around_whose_end_the_robot_drives_is_neither_tracked_nor_lost():
+    """From afar, rays pass the cells of its far side before they hit them."""
+    wall = boxes([[2.2, 3.3, 3.8, 3.42]], 1.0)
+    watch = Watch()
+    every = np.arange(8)
+    turns = np.linspace(0, 7, 22)
+    x = np.interp(turns, every, [1.36, 1.556, 1.749, 1.987, 2.228, 2.481, 2.784, 3.1])
+    y = np.interp(turns, every, [3.1, 3.3, 3.475, 3.641, 3.733, 3.782, 3.81, 3.81])
+    yaw = np.interp(turns, every, [0.86, 0.77, 0.68, 0.48, 0.25, 0.1, 0.05, 0.0])
+    for pose in np.column_stack([x, y, yaw]):
+        watch.see(pose=pose, walls=wall)
+        assert not watch.tracks.known
+    assert watch.walls_near(3.0, 3.42, 0.7) >= 20
 
 
 def test_two_that_cross_keep_their_identity():
