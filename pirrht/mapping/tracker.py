@@ -89,8 +89,7 @@ class Tracker:
 
         rays = np.flatnonzero(np.isfinite(scan.ranges))
         points = scan.points
-        new = grid.surprises(points) & self._passed(points)
-        self._scans.append(scan)
+        new = grid.surprises(points)
         expected = [one.predicted(dt, tuning.agility) for one in self.known]
         owner = self._owners(expected, points, new)
         found = list[Track]()
@@ -98,7 +97,8 @@ class Tracker:
             own = owner == k
             certain = np.count_nonzero(own) >= 2 and new[own].mean() >= tuning.new
             found.append(self._seen(one, scan, rays[own], points[own]) if certain else one)
-        born = self._born(scan, rays, points, new & (owner < 0), found)
+        born = self._born(scan, rays, points, new & (owner < 0) & self._passed(points), found)
+        self._scans.append(scan)
 
         passing = np.zeros(len(scan.ranges), dtype=np.bool_)
         for k, one in enumerate(found):
