@@ -21,9 +21,11 @@ import numpy as np
 from pirrht.control.settings import TREELESS
 from pirrht.estimation.assembly import path_integral
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.arcs import trace
 from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.space import at_states
 from pirrht.jit import cache
 from sim.drive import episode
 from sim.drive.executor import Plant
@@ -87,6 +89,10 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
         first = references[0]  # now and then runs hold a control sequence, query FCL about an edge, and rename classes
         first.trajectory.tape(driver.path_integral.grid(first.cost))
         tree.checker.motion.free(first.path, 0, small.space)
+        trace(np.zeros(3), np.zeros(1), np.ones(1), 1.0)  # as of the favourite, where motions are predicted
+        static = small.space.static
+        reads = small.problem.dynamics.reads(static.kernels.turns)
+        at_states(static.kernels, reads).clearance(static, small.start)  # of the state that a plan by the clock is for
         if tree.homology.J:
             tree.homology.winding(np.zeros((2, tree.homology.markers.shape[1] + 1)))
 

@@ -48,7 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory):
         "free_thresh: 0.196\n",
         "WORLD.world": OFFICE,
         "task.xml": TASK,
-        "worlds.json": blocks(named("moving.md"), "json")[0],
+        "worlds.json": '{"36": {"obstacles": [{"name": "a", "radius": 0.4, "keys": [[0, 0, 5], [4, 0, -5]]}]}}',
     }
     for name, text in known.items():
         (place / name).write_text(text)

@@ -102,10 +102,10 @@ def value(x: np.ndarray, dt: float, steps: str, samples: int = 4000, seed: int =
 # In the open; and with 6 cm of clearance next to the post, towards it.
 @pytest.mark.parametrize("x", [(0.0, 0.0, 2.6), (1.6, -0.1, 1.0)], ids=["open", "next to it"])
 def test_fitted_steps_of_a_car_say_what_steps_a_tenth_as_long_do_and_uniform_ones_say_more(x):
-    """Within 4 standard errors (below 0.0001) and 0.0001; uniform steps are off by 0.001 and 0.014. Seed 0."""
+    """Within 0.0002, which standard errors allow; uniform steps are off by 0.001 and 0.014. Seed 0."""
     x = np.array(x)
     (fitted, error), (fine, other) = value(x, STEP, "fitted"), value(x, 0.1 * STEP, "uniform")
-    allowed = 4.0 * np.hypot(error, other) + 0.0001
-    assert np.hypot(error, other) < 0.0001
+    allowed = 0.0002
+    assert np.hypot(error, other) < allowed
     assert abs(fitted - fine) < allowed
     assert value(x, STEP, "uniform")[0] - fine > 2.0 * allowed

@@ -153,7 +153,7 @@ def test_a_rovers_path_is_as_long_as_its_mean_whatever_the_noise_along_it(tmp_pa
     for _ in range(40):
         x = np.zeros((3001, 3))
         x[1:, 0] = np.cumsum(STEP + 0.1 * np.sqrt(STEP) * rng.standard_normal(3000))
-        length = Length(x[0])
+        length = Length(x[0, :2])
         length.add(problem, x[1:], STEP, float(np.abs(np.diff(x[:, 0])).sum()))
         totals.append(length.total / x[-1, 0])
         rough.append(length.noisy / x[-1, 0])
