@@ -70,11 +70,13 @@ class Governor:
         place: what it has not shown is hidden behind something, or the robot has no room to turn.
         """
         t = self.tuning
+        hidden = blind.heading is None and self._hidden(blind, self._way(x, u))
+        if not hidden and blind.heading is None:
+            return u
         pose = x[list(self.dynamics.reads(True))]
         onward, spot = self._parts(x, u)
         turn = self._parts(x, np.ones(len(u)))[1]
         turn *= t.look_rate / np.hypot.reduce(turn)
-        hidden = blind.heading is None and self._hidden(self._way(x, u))
         if hidden and (blind.looked is None or np.hypot(*(pose[:2] - blind.looked)) > t.look_apart):
             pieces = math.ceil(t.look_angle * blind.footprint.reach / t.spacing)
             for side in (1.0, -1.0) if spot @ turn >= 0.0 else (-1.0, 1.0):
@@ -91,8 +93,8 @@ class Governor:
         if not hidden:
             return u
         least = min(1.0, t.unseen_speed / max(float(np.hypot.reduce(self._gain(x) @ u)), 1e-9))
-        for share in (share for share in t.shares if share > least):
-            if not self._hidden(self._way(x, spot + share * onward)):
+        for share in (share for share in t.shares if 1.0 > share > least):
+            if not self._hidden(blind, self._way(x, spot + share * onward)):
                 return spot + share * onward
         return spot + least * onward
 
@@ -137,12 +139,9 @@ class Governor:
                 return False
         return True
 
-    def _hidden(self, way: list[tuple[float, Array]]) -> bool:
+    def _hidden(self, blind: BlindSide, way: list[tuple[float, Array]]) -> bool:
         """Return whether a way leads through what the lidar never showed on its blind side."""
-        if self.blind is None:
-            return False
-        poses = np.array([x for _, x in way])[:, list(self.dynamics.reads(True))]
-        return self.blind.hides(poses)
+        return blind.hides(np.array([x for _, x in way])[:, list(self.dynamics.reads(True))])
 
 
 @dataclass(slots=True, eq=False)

@@ -51,7 +51,5 @@ class BlindSide:
         moves = np.diff(poses[:, :2], axis=0)[:, None]
         leading = np.sum((points - poses[1:, None, :2]) * moves, axis=-1) > 0.0
         points = points[leading]
-        x, y = (points - self.scan.pose[:2]).T
-        angles = np.mod(np.arctan2(y, x) - self.scan.pose[2] + np.pi, 2.0 * np.pi) - np.pi
-        outside = (angles < self.scan.angles.min()) | (angles > self.scan.angles.max())
-        return bool(np.any(outside & self.grid.unseen(points)))
+        _, angles = self.scan.polar(points)
+        return bool(np.any((angles > self.scan.angles.max()) & self.grid.unseen(points)))

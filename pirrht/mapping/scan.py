@@ -38,6 +38,12 @@ class Scan:
         hits = np.count_nonzero(np.isfinite(self.ranges))
         return f"Scan({hits} of {len(self.ranges)} rays hit, from ({place}) at {self.time:.4g} s)"
 
+    def polar(self, points: Array) -> tuple[Array, Array]:
+        """Return distances (k,) [m] of places (k, 2) [m] and their angles (k,) [rad], from the least of a ray on."""
+        x, y = (points - self.pose[:2]).T
+        least = self.angles.min()
+        return np.hypot(x, y), np.mod(np.arctan2(y, x) - self.pose[2] - least, 2.0 * np.pi) + least
+
     @property
     def points(self) -> Array:
         """Return the places that were hit, (h, 2) [m]."""

@@ -115,12 +115,11 @@ class Tracker:
         tuning = self.tuning
         found = np.zeros(len(points), dtype=np.bool_)
         for scan in self._scans:
-            x, y = (points - scan.pose[:2]).T
-            angles = np.mod(np.arctan2(y, x) - scan.pose[2] - scan.angles[0], 2.0 * np.pi) + scan.angles[0]
-            after = np.searchsorted(scan.angles, angles)
-            inside = after < len(scan.angles)
-            around = np.clip(after[:, None] + np.arange(-2, 2), 0, len(scan.angles) - 1)
-            found |= inside & (scan.ranges[around].min(axis=1) > np.hypot(x, y) + tuning.passed)
+            far, angles = scan.polar(points)
+            order = np.argsort(scan.angles)
+            after = np.searchsorted(scan.angles[order], angles)
+            around = np.clip(after[:, None] + np.arange(-2, 2), 0, len(order) - 1)
+            found |= (after < len(order)) & (scan.ranges[order][around].min(axis=1) > far + tuning.passed)
         return found
 
     def _owners(self, expected: Sequence[Track], points: Array, new: BoolArray) -> IntArray:

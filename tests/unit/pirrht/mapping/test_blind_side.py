@@ -40,7 +40,11 @@ def test_the_way_back_is_hidden_and_the_way_ahead_is_not(yaw: float):
 
 def test_nothing_is_hidden_from_a_lidar_that_looks_all_around_or_of_which_no_scan_has_come():
     pose = (4.0, 3.0, 0.5)
-    assert not looked(pose, fov=2.0 * np.pi).hides(along(pose, BACK))
+    around = looked(pose, fov=2.0 * np.pi)
+    assert not around.hides(along(pose, BACK))
+    around.grid = looked().grid
+    around.scan = replace(around.scan, angles=np.linspace(0.0, 2.0 * np.pi, 720))
+    assert not around.hides(along(pose, BACK))
     assert not looked().hides(along(pose, BACK))
 
 
