@@ -52,4 +52,4 @@ class BlindSide:
         leading = np.sum((points - poses[1:, None, :2]) * moves, axis=-1) > 0.0
         points = points[leading]
         _, angles = self.scan.polar(points)
-        return bool(np.any((angles > self.scan.angles.max()) & self.grid.unseen(points)))
+        return bool(np.any((angles > self.scan.angles[-1]) & self.grid.unseen(points)))

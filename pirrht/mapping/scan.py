@@ -9,11 +9,11 @@ from pirrht.arrays import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scan:
-    """Ranges along rays from one pose.
+    """Ranges along rays from one pose, which are kept in the order of their angles.
 
     Attributes:
         pose: x, y [m] and yaw [rad] of the sensor, (3,), as it is believed to be.
-        angles: of the rays from its x-axis, (k,) [rad], in their order.
+        angles: of the rays from its x-axis, (k,) [rad].
         ranges: to what they hit, (k,) [m]; inf where that is nothing, -inf where it is too near to be measured.
         most: greatest range [m].
         time: of the scan [s].
@@ -33,6 +33,12 @@ class Scan:
     most: float
     time: float = 0.0
 
+    def __post_init__(self) -> None:
+        if np.any(np.diff(self.angles) < 0.0):
+            order = np.argsort(self.angles, kind="stable")
+            object.__setattr__(self, "angles", self.angles[order])
+            object.__setattr__(self, "ranges", self.ranges[order])
+
     def __repr__(self) -> str:
         place = ", ".join(f"{v:.4g}" for v in self.pose)
         hits = np.count_nonzero(np.isfinite(self.ranges))
@@ -41,7 +47,7 @@ class Scan:
     def polar(self, points: Array) -> tuple[Array, Array]:
         """Return distances (k,) [m] of places (k, 2) [m] and their angles (k,) [rad], from the least of a ray on."""
         x, y = (points - self.pose[:2]).T
-        least = self.angles.min()
+        least = self.angles[0]
         return np.hypot(x, y), np.mod(np.arctan2(y, x) - self.pose[2] - least, 2.0 * np.pi) + least
 
     @property

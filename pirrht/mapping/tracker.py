@@ -116,10 +116,9 @@ class Tracker:
         found = np.zeros(len(points), dtype=np.bool_)
         for scan in self._scans:
             far, angles = scan.polar(points)
-            order = np.argsort(scan.angles)
-            after = np.searchsorted(scan.angles[order], angles)
-            around = np.clip(after[:, None] + np.arange(-2, 2), 0, len(order) - 1)
-            found |= (after < len(order)) & (scan.ranges[order][around].min(axis=1) > far + tuning.passed)
+            after = np.searchsorted(scan.angles, angles)
+            around = np.clip(after[:, None] + np.arange(-2, 2), 0, len(scan.angles) - 1)
+            found |= (after < len(scan.angles)) & (scan.ranges[around].min(axis=1) > far + tuning.passed)
         return found
 
     def _owners(self, expected: Sequence[Track], points: Array, new: BoolArray) -> IntArray:

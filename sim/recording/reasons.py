@@ -210,8 +210,9 @@ def known(reason: Reason) -> str:
         return "no sample"
     if reason.samples < TUNING.lone:
         return f"{share(reason.weight)} by one sample"
-    error = 100 * reason.weight_error
-    return f"{share(reason.weight)} ± {error:{'.0f' if error >= 1.0 else '.1g'}} %"
+    error = 100.0 * reason.weight_error
+    digits = f"{error:.0f}" if error >= 1.0 else f"{error:.1f}" if error >= 0.1 else "under 0.1"
+    return f"{share(reason.weight)} ± {digits} %"
 
 
 def value_of(reason: Reason) -> str:

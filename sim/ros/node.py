@@ -7,7 +7,7 @@ own (`sim.ros.planning`). Whatever is missing, late or wrong stops the robot, an
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import hypot, inf, remainder, tau
+from math import hypot, inf, pi, remainder, tau
 from typing import Any
 
 import numpy as np
@@ -237,6 +237,8 @@ class Node:
         angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
         if not (len(ranges) and np.isfinite(angles).all() and 0.0 < message.range_max < inf):
             raise OptionError("a scan needs ranges, finite angles and a positive range_max")
+        if len(ranges) * abs(message.angle_increment) > tau - 1e-3:
+            angles = np.mod(angles + pi, tau) - pi  # a ring is cut behind the sensor, not ahead of it
         ranges[np.isnan(ranges) | (ranges < message.range_min)] = -inf
         ranges[ranges > message.range_max] = inf
         stamp = message.header.stamp.seconds

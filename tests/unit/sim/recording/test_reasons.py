@@ -141,3 +141,11 @@ def test_the_page_tells_of_a_fallback_and_of_too_few_samples(planned):
     weak = replace(plan, estimate=replace(plan.estimate, ess=3.0))
     assert "Only 3.0 effective samples: a guess" in page(weak, list(found.values()), 0.0)
     assert "Exact value 8.50" in page(replace(lost, fallback=None, exact=8.5), [], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(0.04, "4 %"), (0.004, "0.4 %"), (0.0004, "under 0.1 %"), (1e-16, "under 0.1 %")]
+)
+def test_an_error_too_small_to_matter_is_a_bound(error, said):
+    found = reason("0,1", "right of lower", 9.0, 0.75, dying=0.0, where="", samples=90.0)
+    assert known(replace(found, weight_error=error)) == f"75 % ± {said}"

@@ -314,6 +314,24 @@ def test_a_robot_with_a_lidar_needs_scans_and_sees_where_its_frame_is():
     assert robot.status.message == "scans are late"
 
 
+def test_a_ring_of_rays_that_begins_ahead_is_one_view_ahead():
+    robot = Robot(sees=True)
+    base = ros.Transform(ros.Vector3(1.0, 1.0, 0.0), quaternion_of(0.0))
+    robot.put("tf", ros.TFMessage([ros.TransformStamped(ros.Header(frame_id="map"), "base_link", base)]))
+    ranges = [1.0 + 0.001 * k for k in range(360)]
+    one_degree = np.radians(1.0)
+    ring = ros.LaserScan(
+        ros.Header(frame_id="base_link"), angle_min=0.0, angle_increment=one_degree, range_max=5.0, ranges=ranges
+    )
+    robot.put("scan", ring)
+    robot.goal()
+    robot.odometry()
+    robot.tick()
+    (seen,) = robot.work.scans
+    np.testing.assert_allclose(seen.angles, np.arange(-180, 180) * one_degree, atol=1e-9)
+    np.testing.assert_allclose(seen.ranges, [*ranges[180:], *ranges[:180]])
+
+
 def test_commands_are_slowed_down_along_the_same_arc():
     robot = Robot(max_speed=0.35, stamped=True)
     robot.map()
