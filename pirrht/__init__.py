@@ -42,7 +42,7 @@ _NAMES = {
 _HOME = {name: module for module, names in sorted(_NAMES.items()) for name in names.split()}
 
 __all__ = [*_HOME]
-__version__ = "0.33.12"
+__version__ = "0.33.13"
 
 
 def __getattr__(name: str) -> Any:

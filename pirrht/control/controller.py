@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
@@ -124,7 +125,8 @@ class Controller(Policy):
         gap = settings.tuning.off_walls * self.space.scene.robot_radius
         world = self.path_integral.setup.world
         x = world.off_walls(x, self.problem.dynamics.reads(world.static.kernels.turns), run.now, gap)
-        budget = TimeBudget(left, settings.tuning)
+        stands = self.brake.stops and run.halt is not None and run.halt.free == inf
+        budget = TimeBudget(left, settings.tuning, addition=settings.tuning.standing if stands else 0.0)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
             references = extract_references(self.tree, x, run, budget, settings, self.path_integral)
         except NoReference:

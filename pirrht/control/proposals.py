@@ -260,13 +260,17 @@ class ProposalBuilder:
         The first guides of a run are improved from all initialisations. If time is short, new classes get none,
         except the cheapest, which is improved as long as there is time. Hopeless classes get none.
         """
-        guidance, starts, short = self.integral.proposals.nominal, run.starts, budget.short
+        guidance, starts = self.integral.proposals.nominal, run.starts
         classes = from_start(run, references)
-        anew = not starts.optima and not short()
+        anew = not starts.optima and not budget.short() and not budget.addition
         names = [*map(run.route.homology.name, classes)]
         some = guidance.tuning.later_paces
         turn = run.retries.count() % len(some)  # counted whether or not it is of use
         paces = some[turn] if run.effort.weak else ()
+        known: list[float] = []  # costs of valid guides
+
+        def short() -> bool:
+            return budget.short() if known else budget.short_of_all()
 
         def improved(k: int) -> list[DDPGuide]:
             one = references[k]
@@ -292,7 +296,7 @@ class ProposalBuilder:
             )
 
         found = [] if starts.optima else [improved(0)]
-        known = [some[0].penalised for some in [*starts.optima.values(), *found] if some and some[0].valid]
+        known += [some[0].penalised for some in [*starts.optima.values(), *found] if some and some[0].valid]
         bound = guidance.hopeless(min(known, default=np.inf))
         found += mapped(improved, range(len(found), len(references)), self.integral.threads)
         starts.keep_optima(dict(zip(classes, found, strict=True)))

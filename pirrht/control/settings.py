@@ -56,6 +56,7 @@ class ControlTuning(NamedTuple):
     few_vertices: int = 100  # vertices of a tree that usually has all classes of the bundled scenes
     before_samples: float = 0.6  # share for guides and references; more of it leaves too few samples
     mapping: float = 0.015  # time that a plan leaves to the map that is examined meanwhile
+    standing: float = 1.0  # time that guides of a robot that stands and waits may take in addition
     # Mixture of classes between plans
     memory: float = 0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes
     stale: float = 0.05  # time after which the gradient of a class without samples is no longer trusted
@@ -108,10 +109,16 @@ class ControlSettings:
 
 
 class TimeBudget:
-    """Time that one plan may take, by what returns the time `left` for sampling [s]; None: it is unlimited."""
+    """Time that one plan may take, by what returns the time `left` for sampling [s]; None: it is unlimited.
 
-    def __init__(self, left: Callable[[], float] | None = None, tuning: ControlTuning = TUNING) -> None:
+    While there is no guide they may take some time [s] in `addition`, and the plan is late.
+    """
+
+    def __init__(
+        self, left: Callable[[], float] | None = None, tuning: ControlTuning = TUNING, *, addition: float = 0.0
+    ) -> None:
         self.left, self.tuning, self.whole = left, tuning, inf if left is None else left()
+        self.addition = addition
 
     def less(self, taken: float) -> Callable[[], float]:
         """Return what tells the time left [s] if so much of it is kept back."""
@@ -124,7 +131,14 @@ class TimeBudget:
 
     def short(self) -> bool:
         """Check that little time is left."""
-        return self.left is not None and self.left() < self.tuning.short * self.whole
+        return self._short(0.0)
+
+    def short_of_all(self) -> bool:
+        """Check that little time is left, and little of the addition."""
+        return self._short(self.addition)
+
+    def _short(self, more: float) -> bool:
+        return self.left is not None and self.left() + more < self.tuning.short * (self.whole + more)
 
     def enough(self, vertices: int) -> bool:
         """Check that a tree of so many vertices must do for lack of time."""

@@ -1,7 +1,7 @@
 """The controller names classes by the whole drive, goes on when nothing is known, leaves out what takes long."""
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import count, pairwise
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from pirrht import (
     SingleIntegrator,
 )
 from pirrht.control.settings import TUNING, TimeBudget
+from sim.scenario import prepare
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
 DT = 0.05
@@ -160,6 +161,26 @@ def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit,
     np.testing.assert_allclose(plan.control, [0.0, 0.0], atol=1e-9)
     controller.observe(np.array([[5.0, 2.5]]), 0.1)
     assert controller.plan(np.array([5.0, 2.5])).fallback is None  # close to the goal
+
+
+@pytest.mark.parametrize(("standing", "second"), [(1.0, None), (0.0, "no survivor")])
+def test_guides_of_a_robot_that_stands_and_waits_may_take_longer(standing: float, second: str | None):
+    house = prepare("house", robot="jackal").with_settings(samples=20)
+    controller = house.controller(house.grown_tree())
+    tuning = controller.settings.tuning._replace(standing=standing)
+    controller.settings = replace(controller.settings, tuning=tuning)
+    guidance = controller.path_integral.proposals.nominal
+    guidance.tuning = guidance.tuning._replace(part_short=1)  # as many passes as a long path gets
+    controller.begin(house.start)
+
+    def plan() -> str | None:
+        """Plan with hardly any time left, of which every look at the clock takes 2 ms."""
+        left = (0.001 - 0.002 * looks for looks in count())
+        return controller.plan(house.start, left.__next__).fallback
+
+    assert plan() == "no survivor"
+    controller.observe(house.start[None], 0.1)
+    assert plan() == second
 
 
 def budget(share: float = 1.0) -> TimeBudget:
