@@ -15,6 +15,7 @@ from pirrht.control.run_state import RunState, from_start
 from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.geometry.polyline import interpolated, lengths
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.steering.motion import SPACING
@@ -38,9 +39,9 @@ class PursuitLaw:
             raise OptionError(
                 f"pure pursuit steers robots whose state is a pose, and {type(d).__name__} has {d.states}"
             )
-        along = np.append(0.0, np.cumsum(np.hypot.reduce(np.diff(line, axis=0), axis=1)))
+        along = lengths(line)
         at = np.arange(0.0, along[-1] + SPACING, SPACING)
-        path = np.column_stack([np.interp(at, along, each) for each in line.T])
+        path = interpolated(line, along, at)
         x = d.state_of(problem.scene.start)
         gain = d.whole(d.G_c(x))[list(d.position)]
         pull = float(np.linalg.eigvalsh(gain @ np.linalg.solve(problem.control_cost(x), gain.T))[-1])

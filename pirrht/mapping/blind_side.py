@@ -6,6 +6,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.footprint import Footprint, placed
+from pirrht.geometry.polyline import even, lengths
 from pirrht.mapping.occupancy import OccupancyMap
 from pirrht.mapping.scan import Scan
 
@@ -36,9 +37,7 @@ class BlindSide:
     def __post_init__(self) -> None:
         corners = self.footprint.outline
         corners = np.vstack([corners, corners[:1]])
-        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
-        places = np.linspace(0.0, along[-1], 1 + int(np.ceil(along[-1] / self.grid.cell)))
-        self._edge = np.column_stack([np.interp(places, along, axis) for axis in corners.T])
+        self._edge = even(corners, 1 + int(np.ceil(lengths(corners)[-1] / self.grid.cell)))
 
     def hides(self, poses: Array) -> bool:
         """Return whether a robot that moves along poses x, y, yaw (k, 3) [m, m, rad] enters cells that none has seen.

@@ -10,23 +10,8 @@ from scipy.spatial import ConvexHull, KDTree
 from pirrht.arrays import Array
 from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Kind, Mover, Obstacle
+from pirrht.geometry.polyline import even, lengths
 from pirrht.plotting.tuning import TUNING
-
-
-def interpolated(line: Array, at: Array, places: Array) -> Array:
-    """Points (p, d) at places (p,) on a polyline (k, d) whose points are at places (k,)."""
-    return np.column_stack([np.interp(places, at, column) for column in line.T])
-
-
-def lengths(line: Array) -> Array:
-    """The length of a polyline (k, d) up to each of its points, (k,) [m]."""
-    return np.append(0.0, np.cumsum(np.hypot.reduce(np.diff(line, axis=0), axis=1)))
-
-
-def even(points: Array, count: int) -> Array:
-    """A polyline (k, d) cut anew into `count` points at equal distances, (count, d)."""
-    along = lengths(points)
-    return interpolated(points, along, np.linspace(0.0, along[-1], count))
 
 
 def side_by_side(lines: Sequence[Array], width: float) -> list[Array]:

@@ -18,6 +18,7 @@ from worlds.page import Page, box, drum
 
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, SceneError
+from pirrht.geometry.polyline import even, lengths
 from sim.scenario import Scenario
 
 SIDES, ROOM, ROOMS = (5.0, 10.0, 20.0, 40.0), 10.0, 30  # of rooms whose updates are timed, and of those driven [m]
@@ -79,10 +80,8 @@ def way(frame: Any) -> Array | None:
     found = dict(zip(frame.plan.ids, frame.plan.references, strict=True)).get(frame.plan.favourite)
     if found is None:
         return None
-    corners = found.trajectory.points
-    passed = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
-    places = np.linspace(0.0, passed[-1], 2 + int(passed[-1] / SPACING))
-    return np.column_stack([np.interp(places, passed, axis) for axis in corners.T[:2]])
+    corners = found.trajectory.points[:, :2]
+    return even(corners, 2 + int(lengths(corners)[-1] / SPACING))
 
 
 def apart(one: Array, other: Array) -> float:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.geometry.polyline import interpolated
 from pirrht.planner.references import Reference
 from pirrht.plotting.colors import Color, blend
-from pirrht.plotting.strokes import interpolated
 from pirrht.topology.signature import Signature
 from sim.drawing.strokes import knots_of
 

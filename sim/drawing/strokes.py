@@ -15,11 +15,12 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.geometry.footprint import Footprint
 from pirrht.geometry.obstacle import Mover
+from pirrht.geometry.polyline import interpolated, lengths
 from pirrht.outcome import Outcome
 from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting.strokes import fading, interpolated, lengths, outline, rings
+from pirrht.plotting.strokes import fading, outline, rings
 from pirrht.topology.signature import OTHER, Signature
 from sim.states import adapter_of
 

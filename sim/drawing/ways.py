@@ -11,8 +11,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.polyline import even
 from pirrht.planner.references import Reference
-from pirrht.plotting.strokes import even
 from pirrht.topology.nerve import WORKSPACE, Loop
 from sim.drawing.colors import FEW, LEFT, RIGHT, SIDES, numbered, telling, title
 from sim.text import shared

@@ -18,8 +18,9 @@ import rerun as rr
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.geometry.polyline import even
 from pirrht.plotting.colors import ClassColors, Color, blend
-from pirrht.plotting.strokes import even, outline
+from pirrht.plotting.strokes import outline
 from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, fade, packed, title
 from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Outline, Tube, at_most, foreseen, lift, placed, tubes

@@ -9,6 +9,7 @@ from pirrht.arrays import Array
 from pirrht.errors import PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.footprint import Footprint
+from pirrht.geometry.polyline import interpolated, lengths
 from pirrht.steering.straight_line import StraightLine
 
 VERTICES = 400  # of the tree of the inscribed disc, at least
@@ -48,9 +49,9 @@ def narrow_place(tree: Any, x: Array) -> NarrowPlace | None:
         line = easy.references(x if bends else x[:2])[0].trajectory.points
     except PirrhtError:
         return None
-    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    along = lengths(line)
     at = np.linspace(0.0, along[-1], 2 + int(2.0 * along[-1] / footprint.inscribed))
-    points = np.column_stack([np.interp(at, along, line[:, k]) for k in (0, 1)])
+    points = interpolated(line[:, :2], along, at)
 
     away = np.hypot(*np.moveaxis(points[:, None] - tree.states[: tree.size, :2], -1, 0)).min(axis=1)
     missed = np.flatnonzero(away > footprint.reach)
