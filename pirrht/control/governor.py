@@ -123,7 +123,10 @@ class Governor:
         return way
 
     def _free(self, way: list[tuple[float, Array]], s: float) -> bool:
-        """Return whether a robot meets nothing on its way, or comes out of a margin."""
+        """Return whether a robot meets nothing on its way, or comes out of a margin.
+
+        Moving obstacles may go on as predicted, or stop at any time.
+        """
         kernels = self.static.kernels
         reads = self.dynamics.reads(kernels.turns)
         clear = at_states(kernels, reads).clearance
@@ -135,7 +138,7 @@ class Governor:
         for time, x in onward:
             if clear(self.static, x) < least:
                 return False
-            if moving.J and moving.clearance(pose(x), self.now + s + time) < nearest:
+            if moving.J and min(moving.clearance(pose(x), self.now + s + t) for t in (0.0, time)) < nearest:
                 return False
         return True
 

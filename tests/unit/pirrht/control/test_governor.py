@@ -171,7 +171,8 @@ def share(x: float, y: float, velocity: tuple[float, float], now: float = 0.0) -
 @pytest.mark.parametrize(
     ("x", "y", "velocity", "now", "least", "most"),
     [(1.7, 2, (0, 0), 0, 0.2, 0.8), (3.0, 2, (0, 0), 0, 1, 1),  # it stands, near and far
-     (1.75, 2, (-0.8, 0), 0, 0, 0.3), (1.75, 2, (0.8, 0), 0, 1, 1),  # it comes, and goes away
+     (1.75, 2, (-0.8, 0), 0, 0, 0.3),  # it comes
+     (1.7, 2, (0.8, 0), 0, 0.2, 0.8), (2.0, 2, (0.8, 0), 0, 1, 1),  # it goes away, and may stop, near and farther
      (1.6, 1.2, (0, 2), 0, 0, 0.8), (1.6, 1.2, (0, 2), 1.0, 1, 1)],  # it crosses, and has crossed
 )  # fmt: skip
 def test_a_robot_keeps_to_a_speed_from_which_it_stops_before_a_moving_obstacle(x, y, velocity, now, least, most):
