@@ -62,7 +62,8 @@ def draw_plan(
         axes, scene.body, paths, rows, hues, title="class: cost", ncols=1 + "\n".join(rows).count("\n") // HIGH
     )
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
-    when += "; grey is unseen, outlines are what there is" if known is not None else ""
+    if known is not None:
+        when += "\ngrey: unseen, red: the scan, black: obstacles of the map, outlines: what there is"
     counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
     axes.set_title(f"{maps.literal(scene.name)}: {counts}", fontsize=10)
     _save(axes, path, "--png")

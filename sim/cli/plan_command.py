@@ -199,7 +199,7 @@ def plan(arguments: argparse.Namespace) -> int:
     if scenario.settings.risk is not None:
         say(tables.odds(scenario))
     if collision is not None:
-        say(f"predicted at the start: {tables.chance(collision, scenario.settings.risk)}")
+        say(tables.chance_at_start(collision, scenario.settings))
     if arguments.output:
         with replaced(arguments.output, "tree") as stream:
             tree_file.save(tree, stream)
@@ -241,7 +241,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     collisions = [scenario.collisions(one) for one in decisions]
     print(tables.estimate_table(estimates, [r.id for r in references], truth))
     if known := [one for one in collisions if one is not None]:
-        say(tables.chance(known[0], settings.risk) + (", of the first repeat" if len(known) > 1 else ""))
+        say(tables.chance(known[0], settings) + (", of the first repeat" if len(known) > 1 else ""))
     if dead := sum(e is None for e in estimates):
         say(f"in {dead} of {len(estimates)} repeats no sample reached the goal; try more --samples, or another state")
     if truth is not None:

@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
             if recorder.server is not None:
                 print(WATCH.format(recorder.server.page), flush=True)
         bar = stack.enter_context(Progress("run", scenario.settings.max_time, "s"))
-        observers.append(partial(_show, bar, scenario.settings.risk))
+        observers.append(partial(_show, bar, scenario.settings))
         plant = _plant(scenario, driver, stack, remote=arguments.ros)
         last = _driven(scenario.drive(plant, driver, grid=truth), observers)
     assert last is not None
@@ -156,10 +156,10 @@ def _save_film(film: Any, arguments: argparse.Namespace) -> None:
         say("" if file is None else f"{what}: {path_text(file)}")
 
 
-def _show(bar: Progress, risk: float | None, frame: Frame) -> None:
+def _show(bar: Progress, settings: Settings, frame: Frame) -> None:
     """Show how far a run is, its news, and the risk at the start; how it ended is in the summary."""
     if frame.step == 0 and frame.collision is not None:
-        bar.write(f"predicted at the start: {tables.chance(frame.collision, risk)}")
+        bar.write(tables.chance_at_start(frame.collision, settings))
     if frame.news and frame.outcome is None:
         bar.write(frame.news)
     bar.to(round(frame.end_time, 6))

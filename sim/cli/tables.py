@@ -16,6 +16,7 @@ from sim.drawing.ways import ways_in
 from sim.drive import episode
 from sim.drive.metrics import REASONS, EpisodeMetrics, Truth
 from sim.scenario import Scenario
+from sim.settings import Settings
 from sim.text import counted, say, table
 
 LEAST_SHARE = 1e-4  # probability of a collision below which it is not stated [%]
@@ -165,13 +166,20 @@ def odds(scenario: Scenario) -> str:
     return f"{robot}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{risk}"
 
 
-def chance(collision: CollisionProbability, risk: float | None = None) -> str:
-    """State the predicted probability of a collision, and without a risk that one can be asked for."""
+def chance(collision: CollisionProbability, settings: Settings) -> str:
+    """State the predicted probability of a collision, and if a risk could be asked for that it can."""
     least = f"below {LEAST_SHARE:g} %"
     known = least if 100.0 * collision.probability <= LEAST_SHARE else (
         f"{percent(collision.probability)} +- {percent(collision.error)}")  # fmt: skip
-    more = "; --risk 0.01 looks for a margin that keeps 1 %" if risk is None and collision.most > HINTED else ""
+    hinted = settings.risk is None and settings.sense == "map" and collision.most > HINTED
+    more = "; --risk 0.01 looks for a margin that keeps 1 %" if hinted else ""
     return f"probability of a collision {known}{more}"
+
+
+def chance_at_start(collision: CollisionProbability, settings: Settings) -> str:
+    """State what is predicted at the start, by a robot with a lidar among what its first scan shows."""
+    among = "" if settings.sense == "map" else ", among what the first scan shows"
+    return f"predicted at the start{among}: {chance(collision, settings)}"
 
 
 def summary(run: EpisodeMetrics, scenario: Scenario) -> None:

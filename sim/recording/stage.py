@@ -196,7 +196,7 @@ def _texts(subject: Subject, log: Log) -> None:
     settings = properties(subject.settings).items()
     rows = [f"| {name} | {f'{value:g}' if isinstance(value, float) else value} |" for name, value in settings]
     moving = " *Lilac*: moving obstacles." * bool(subject.movers)
-    mapped = " *Red*: the last scan. *Grey*: what no ray has passed." * bool(subject.maps)
+    mapped = " *Red*: the last scan. *Grey*: not seen. *Black*: obstacles of the map, in the true scene." * subject.maps
     signs = f"*Yellow*: the robot and its path. *White*: the path of most weight, and the control.{moving}{mapped}"
     key = [f"**{k}** {name}" for k, name in enumerate(subject.names, 1) if name != f"obstacle {k}"]
     for path, lines, end in (

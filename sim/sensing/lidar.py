@@ -73,6 +73,8 @@ class Lidar:
             if name not in known:
                 like = suggestion(name, known) or f"; those are {', '.join(known)}"
                 raise OptionError(f"a lidar has no {name[:40]!r}{like}: write {FORM}")
+            if name in given:
+                raise OptionError(f"the lidar's {name} is given twice: write {FORM}")
             try:
                 value = float(number)
             except ValueError:

@@ -147,4 +147,7 @@ def test_the_command_plan_draws_and_counts_what_is_known(tmp_path, capsys):
     assert len(found["classes"]) > 1
     assert [one["name"] for one in found["obstacles"]] == ["obstacle 1", "obstacle 2"]
     assert picture.stat().st_size > 10_000
-    assert "ms" not in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "ms" not in said
+    assert "predicted at the start, among what the first scan shows: probability of a collision" in said
+    assert "--risk" not in said  # which needs a map

@@ -95,6 +95,7 @@ def test_the_default_is_the_lidar_of_barn():
         ("fov=0", "fov is 0.0; .* above 0"), ("rays=1", "rays is 1; .* from 2"), ("rays=27", "write rays=28"),
         ("rays=5", "67.5 degrees apart.* write rays=28 or more"),
         ("sigma=-1", "sigma"), ("z=inf", "z is inf"), ("rate=0", "rate"), ("rays", "rays is ''"),
+        ("fov=90,fov=180", "fov is given twice"),
     ],
 )  # fmt: skip
 def test_a_text_that_is_no_lidar_is_refused_with_a_reason(text, why):
