@@ -85,6 +85,7 @@ class Controller(Policy):
         refuse_misfits(sampling, propose, backend, rng)
         self.predict, self.rng, self.surcharge = predict, rng, surcharge
         self.deceleration = deceleration
+        self.tracks = False
         validate(tree, problem, sampling, self.settings)
         self._enter(problem, space, tree, sampling, homology, propose, backend)
         self.begin(problem.dynamics.state_of(problem.scene.start))
@@ -148,7 +149,8 @@ class Controller(Policy):
         """Return a plan whose controls keep to speeds from which the robot can stop."""
         moving = self.path_integral.setup.world.moving
         d = self.problem.dynamics
-        return governed(plan, d, self.space.static, self.deceleration, moving, self.run.now, self.blind)
+        sure = self.predict is None and not self.tracks
+        return governed(plan, d, self.space.static, self.deceleration, moving, self.run.now, self.blind, sure=sure)
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """Return what a plan at x (n,) samples first, around references."""
@@ -174,6 +176,7 @@ class Controller(Policy):
             self.run.starts.forget()  # other kernels take other laws
             self.run.shares.forget()
         self.run.route.movers = space.scene.movers
+        self.tracks = bool(movers)
 
     def _reenter(self, problem: Problem, space: FreeSpace, tree: HomologyTree | None) -> None:
         """Continue in another problem, with what the user gave."""

@@ -46,6 +46,7 @@ class Governor:
     deceleration: float  # [m/s^2]
     moving: Moving = field(default_factory=NoMoving)
     now: float = 0.0  # when the plan begins, on the clock of moving obstacles [s]
+    sure: bool = True  # whether their motions are known; else they may stop at any time as well
     blind: BlindSide | None = None  # of the lidar that guides the robot
     tuning: GovernorTuning = TUNING
 
@@ -123,10 +124,7 @@ class Governor:
         return way
 
     def _free(self, way: list[tuple[float, Array]], s: float) -> bool:
-        """Return whether a robot meets nothing on its way, or comes out of a margin.
-
-        Moving obstacles may go on as predicted, or stop at any time.
-        """
+        """Return whether a robot meets nothing on its way, or comes out of a margin."""
         kernels = self.static.kernels
         reads = self.dynamics.reads(kernels.turns)
         clear = at_states(kernels, reads).clearance
@@ -138,7 +136,8 @@ class Governor:
         for time, x in onward:
             if clear(self.static, x) < least:
                 return False
-            if moving.J and min(moving.clearance(pose(x), self.now + s + t) for t in (0.0, time)) < nearest:
+            when = (time,) if self.sure else (0.0, time)
+            if moving.J and min(moving.clearance(pose(x), self.now + s + t) for t in when) < nearest:
                 return False
         return True
 
@@ -171,13 +170,13 @@ class GovernedLaw:
 
 def governed(
     plan: Plan, dynamics: Dynamics, static: Space, deceleration: float, moving: Moving | None = None, now: float = 0.0,
-    blind: BlindSide | None = None,
+    blind: BlindSide | None = None, *, sure: bool = True,
 ) -> Plan:  # fmt: skip
     """Return a plan whose controls keep to speeds from which a robot can stop; a deceleration of 0 is none [m/s^2]."""
     if deceleration <= 0.0:
         return plan
     moving = NoMoving() if moving is None else moving
     governor = Governor(
-        dynamics=dynamics, static=static, deceleration=deceleration, moving=moving, now=now, blind=blind
+        dynamics=dynamics, static=static, deceleration=deceleration, moving=moving, now=now, blind=blind, sure=sure
     )
     return replace(plan, law=GovernedLaw(plan.law or plan.at, governor))
