@@ -126,8 +126,9 @@ class Controller(Policy):
         gap = settings.tuning.off_walls * self.space.scene.robot_radius
         world = self.path_integral.setup.world
         x = world.off_walls(x, self.problem.dynamics.reads(world.static.kernels.turns), run.now, gap)
-        stands = left is not None and self.brake.stops and run.halt is not None and run.halt.free == inf
-        budget = TimeBudget(left, settings.tuning, addition=settings.tuning.standing if stands else 0.0)
+        stands = self.brake.stops and run.halt is not None and run.halt.free == inf
+        stuck = left is not None and stands and run.clock.since_estimate >= settings.tuning.stuck
+        budget = TimeBudget(left, settings.tuning, addition=settings.tuning.standing if stuck else 0.0)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
             references = extract_references(self.tree, x, run, budget, settings, self.path_integral)
         except NoReference:

@@ -56,7 +56,8 @@ class ControlTuning(NamedTuple):
     few_vertices: int = 100  # vertices of a tree that usually has all classes of the bundled scenes
     before_samples: float = 0.6  # share for guides and references; more of it leaves too few samples
     mapping: float = 0.015  # time that a plan leaves to the map that is examined meanwhile
-    standing: float = 1.0  # time that guides of a robot that stands and waits may take in addition
+    standing: float = 1.0  # time that guides of a robot that has stood for lack of them may take in addition
+    stuck: float = 2.0  # for which it has: a first guide that is found at all by the clock is found in less
     # Mixture of classes between plans
     memory: float = 0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes
     stale: float = 0.05  # time after which the gradient of a class without samples is no longer trusted

@@ -261,7 +261,7 @@ class Planner:
         until = due + (share - 1.0) * self.period
         made = TimedPlan.of(self.policy, x, lambda: until - self.clock.now())
         ended = self.clock.now()
-        if began < until:
+        if began < until and ended < until + self.period:  # else guides took longer, while the robot stood
             self._after.append(max(0.0, ended - until))
         return replace(made, plan_seconds=ended - began, begin=begin, slack=due - ended)
 

@@ -163,8 +163,8 @@ def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit,
     assert controller.plan(np.array([5.0, 2.5])).fallback is None  # close to the goal
 
 
-@pytest.mark.parametrize(("standing", "second"), [(1.0, None), (0.0, "no survivor")])
-def test_guides_of_a_robot_that_stands_and_waits_may_take_longer(standing: float, second: str | None):
+@pytest.mark.parametrize(("standing", "later"), [(1.0, None), (0.0, "no survivor")])
+def test_guides_of_a_robot_that_has_stood_for_lack_of_them_may_take_longer(standing: float, later: str | None):
     house = prepare("house", robot="jackal").with_settings(samples=20)
     controller = house.controller(house.grown_tree())
     tuning = controller.settings.tuning._replace(standing=standing)
@@ -180,7 +180,9 @@ def test_guides_of_a_robot_that_stands_and_waits_may_take_longer(standing: float
 
     assert plan() == "no survivor"
     controller.observe(house.start[None], 0.1)
-    assert plan() == second
+    assert plan() == "no survivor"
+    controller.observe(house.start[None], TUNING.stuck)
+    assert plan() == later
 
 
 def budget(share: float = 1.0) -> TimeBudget:
