@@ -270,7 +270,7 @@ class ProposalBuilder:
         known: list[float] = []  # costs of valid guides
 
         def short() -> bool:
-            return budget.short() if known else budget.short_of_all()
+            return budget.short(0.0 if known else budget.addition)
 
         def improved(k: int) -> list[DDPGuide]:
             one = references[k]

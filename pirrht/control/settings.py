@@ -130,15 +130,8 @@ class TimeBudget:
         """Time spent so far [s]; 0 without a limit."""
         return 0.0 if self.left is None else self.whole - self.left()
 
-    def short(self) -> bool:
-        """Check that little time is left."""
-        return self._short(0.0)
-
-    def short_of_all(self) -> bool:
-        """Check that little time is left, and little of the addition."""
-        return self._short(self.addition)
-
-    def _short(self, more: float) -> bool:
+    def short(self, more: float = 0.0) -> bool:
+        """Check that little time is left, if there is so much more of it [s]."""
         return self.left is not None and self.left() + more < self.tuning.short * (self.whole + more)
 
     def enough(self, vertices: int) -> bool:
